@@ -1,7 +1,7 @@
 # Begin with `make demo` or `make test`. Each prepares the machine first (scripts/setup), says what it
 # installs, and asks for nothing.
 #
-#   make demo     precomputes a scene, plays it under a power and an error budget, writes a report to target/demo
+#   make demo     precomputes a scene, plays it under a power and an error budget, writes reports to target/demo
 #   make test     every test
 #   make build    everything, and nothing else
 #   make run      an example: make run EXAMPLE=budget
@@ -16,6 +16,8 @@ OUTPUT = target/demo
 SIZE = 160x90
 FPS = 15
 TIME_LIMIT = 4m
+# An interrupted search goes on; EXISTING=--overwrite begins anew.
+EXISTING = --resume
 POWER_BUDGET = 60%
 ERROR_BUDGET = 0.02
 
@@ -47,10 +49,18 @@ build: setup
 	cargo build --workspace
 	@echo "Built. Next: make demo, or scripts/run $(FRUGAL) --help."
 
+MAP = $(OUTPUT)/$(patsubst %.scene.ron,%,$(notdir $(SCENE))).pareto.ron
+EVALUATE = scripts/run "$(FRUGAL)" evaluate "$(SCENE)" --map "$(MAP)"
+
 demo: build
-	scripts/run "$(FRUGAL)" demo "$(SCENE)" --output "$(OUTPUT)" --size $(SIZE) --fps $(FPS) --time-limit $(TIME_LIMIT) \
-		--power-budget $(POWER_BUDGET) --error-budget $(ERROR_BUDGET)
-	@echo "Next: open $(OUTPUT)/report.html, then make run EXAMPLE=budget, or put the map into an app (docs/using.md)."
+	mkdir -p "$(OUTPUT)"
+	scripts/run "$(FRUGAL)" precompute "$(SCENE)" --output "$(MAP)" --path tour --size $(SIZE) --fps $(FPS) \
+		--time-limit $(TIME_LIMIT) $(EXISTING) --report "$(OUTPUT)/search"
+	$(EVALUATE) --record "$(OUTPUT)/tour.record" --power-budget $(POWER_BUDGET) --json "$(OUTPUT)/evaluate-power.json" --report "$(OUTPUT)/power"
+	$(EVALUATE) --record "$(OUTPUT)/tour.record" --error-budget $(ERROR_BUDGET) --json "$(OUTPUT)/evaluate-error.json" \
+		--report "$(OUTPUT)/error"
+	rm -f "$(OUTPUT)/tour.record"
+	@echo "Next: open $(OUTPUT)/power/report.html and $(OUTPUT)/error/report.html, then make run EXAMPLE=budget, or put the map into an app (docs/using.md)."
 
 test: setup
 	scripts/test

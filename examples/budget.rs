@@ -6,7 +6,7 @@
 //! error budget, Space pauses the tour, C cuts to another place, F3 hides the panel. F4 shows the best
 //! settings in the right half; Left and Right move the border.
 //!
-//! `target/budget.csv` logs it all; `frugal report target/budget.csv` plots it afterwards.
+//! `target/budget.csv` logs it all; `frugal plot-log target/budget.csv` plots it afterwards.
 //!
 //! Without a map the settings are fixed; `make demo` writes the default map,
 //! `target/demo/courtyard.pareto.ron`.

@@ -36,12 +36,6 @@ impl FileError {
         };
         Self { action, path: path.to_owned(), source, remedy }
     }
-
-    /// Whether the file, or all of its file system, is read-only to this user.
-    pub(crate) fn is_denied(&self) -> bool {
-        use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
-        matches!(self.source.kind(), PermissionDenied | ReadOnlyFilesystem)
-    }
 }
 
 /// Writes `path` atomically: at any time it holds either its old content or all that `write`

@@ -2,13 +2,14 @@
 //! analysis of maps.
 //!
 //! [`cli::run`] is the tool. The other public modules are those that the examples and the
-//! integration tests share with it: scene files, the headless renderer, image metrics, the path
-//! tracer and recorded sweeps.
+//! integration tests share with it: scene files, the headless renderer, image metrics and the path
+//! tracer.
 
 mod cameras;
 pub mod cli;
 mod control_log;
 mod cost;
+mod default_settings;
 mod device;
 mod evaluate;
 mod farthest;
@@ -16,6 +17,7 @@ mod files;
 mod fit;
 mod inspect;
 mod journal;
+mod linalg;
 mod medoids;
 mod meters;
 pub mod metrics;
@@ -23,13 +25,11 @@ mod pipeline;
 mod pool;
 mod quantile;
 pub mod reference;
-mod regret;
 mod report;
 pub mod scene;
 mod search;
-mod search_bench;
 pub mod stage;
-pub mod table;
+mod table;
 mod view_features;
 
 // For the benchmarks. Not part of the interface.

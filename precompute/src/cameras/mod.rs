@@ -3,16 +3,16 @@
 //! Cameras come from the scene's paths and recordings, from their vicinity, and from the free space
 //! that they reach. None is inside a solid, outside the reachable space, or within the clearance of
 //! a wall. Independent of the renderer.
+mod camera_files;
 mod free_space;
 mod pose;
-mod recorded;
 mod set;
 mod stretch;
 
+pub(crate) use camera_files::recorded_tracks;
 pub(crate) use free_space::{Clearance, FreeSpace};
 #[cfg(test)]
 pub(crate) use pose::FREE;
 pub(crate) use pose::MovingCamera;
-pub(crate) use recorded::recorded;
 pub(crate) use set::{CameraMix, CameraSet, TrackSample, tracks_of};
 pub(crate) use stretch::stretches;

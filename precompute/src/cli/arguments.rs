@@ -10,8 +10,8 @@ use glam::{UVec2, Vec3};
 use super::CliError;
 use crate::cost::{WORK_METER, is_work_meter};
 use crate::files;
-use crate::scene::{self, CameraPose, SceneDescription};
-use crate::stage::{StageOptions, StageRequest};
+use crate::scene::CameraPose;
+use crate::stage::StageOptions;
 
 /// Conditions of images: size, frame rate and knobs.
 #[derive(Args, Debug, Clone)]
@@ -39,19 +39,6 @@ pub(super) struct CaptureArguments {
     pub meter: Option<String>,
 }
 
-impl CaptureArguments {
-    /// The request for a stage in a child process.
-    pub(super) fn request(&self, scene: &Path) -> StageRequest {
-        StageRequest {
-            scene: scene.to_owned(),
-            size: self.image.size.to_array(),
-            frames_per_second: self.image.fps,
-            knobs: self.image.knobs.clone(),
-            meter: self.meter.clone(),
-        }
-    }
-}
-
 impl ImageArguments {
     /// For a stage whose power nobody reads.
     pub(super) fn options(&self) -> StageOptions {
@@ -75,11 +62,6 @@ pub(super) struct WorkerArguments {
 }
 
 impl WorkerArguments {
-    /// Whether there is more than one.
-    pub(super) fn several(&self) -> bool {
-        self.workers.get() > 1
-    }
-
     /// The number, for a meter of this name.
     ///
     /// # Errors
@@ -183,16 +165,6 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
     let length = Duration::try_from_secs_f64(number * seconds)
         .map_err(|_| "a time limit must be above 0 and finite")?;
     if length.is_zero() { Err("a time limit must be above 0".to_owned()) } else { Ok(length) }
-}
-
-/// Loads a scene; returns it with its name.
-pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliError> {
-    let scene = scene::load(path)?;
-    let file = path
-        .file_name()
-        .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
-    let name = file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned);
-    Ok((scene, name))
 }
 
 /// Fails if an output cannot be written, before any long work.

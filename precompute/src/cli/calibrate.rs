@@ -7,12 +7,16 @@ use std::time::{Duration, Instant};
 use bevy_frugal_gi::frontier::WorkPrices;
 use bevy_frugal_gi::units::Watts;
 
-use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
-use super::precompute::{open_stage, prices};
-use super::{CliError, progress};
+use super::CliError;
+use super::arguments::{CaptureArguments, check_outputs, duration, write};
+use super::input::{open_scene, stage_for};
+use super::progress::Progress;
 use crate::cameras::{CameraMix, CameraSet, tracks_of};
-use crate::cost::{CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work};
+use crate::cost::{
+    CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work, work_prices,
+};
 use crate::pipeline::CLIP_FRAMES;
+use crate::stage::RemoteStage;
 use crate::table::Measure as _;
 
 #[derive(clap::Args, Debug)]
@@ -43,7 +47,8 @@ const FEWEST: usize = 40;
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, _) = open_scene(&arguments.scene)?;
     check_outputs([Some(&arguments.output)])?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, NonZeroUsize::MIN)?;
+    let request = stage_for(&scene, &arguments.capture)?;
+    let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
     let fps = arguments.capture.image.fps;
@@ -66,25 +71,27 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
     stage.warm()?;
     let layout = FrameLayout::of(&scene, stage.size());
-    let bar = progress::bar(arguments.time_limit.as_secs());
-    bar.set_message("seconds of readings");
+    let limit = arguments.time_limit;
+    let shown = Progress::new(limit.as_secs(), "seconds of readings");
     // Measured apart: a fit would share it out among all work that every frame has.
     let idle = stage.idle();
     let started = Instant::now();
     let mut readings = Vec::new();
     for (camera, settings) in ReadingPlan::new(&space, cameras.len(), arguments.seed) {
-        if started.elapsed() >= arguments.time_limit || progress::interrupted() {
-            break;
-        }
         let cost = stage.measure(&cameras[camera].clip(CLIP_FRAMES, fps), settings)?;
         readings.push(CostReading {
             camera,
             work: Work::of(&space, settings, &layout),
             power_w: (cost.power - idle).0.max(0.0),
         });
-        bar.set_position(started.elapsed().as_secs());
+        let elapsed = started.elapsed();
+        let seconds = [elapsed, limit].map(|time| time.as_secs() as usize);
+        let going_on = shown.at(seconds[0], seconds[1], "seconds of readings".to_owned());
+        if elapsed >= limit || going_on.is_break() {
+            break;
+        }
     }
-    bar.finish_and_clear();
+    drop(shown);
     if readings.len() < FEWEST {
         return Err(CliError::failed(format!(
             "{} readings in {:.0} s are too few to fit prices: raise --time-limit, or lower --size",
@@ -98,7 +105,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),
         meter: stage.meter(),
         mean_absolute_error: quality.mean_absolute_error,
-        prices: WorkPrices { idle, ..prices(&model, &space, &layout, fps) },
+        prices: WorkPrices { idle, ..work_prices(&model, &space, &layout, fps) },
     };
     let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new())
         .map_err(CliError::failed)?;

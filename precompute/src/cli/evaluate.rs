@@ -1,27 +1,25 @@
 //! `frugal evaluate`: plays a path under budgets beside baselines.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
-use bevy_frugal_gi::knobs::did_you_mean;
 
-use super::arguments::{
-    WorkerArguments, check_outputs, check_report, json, open_scene, write, write_report,
-};
+use super::CliError;
+use super::arguments::{WorkerArguments, check_outputs, check_report, json, write, write_report};
+use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
-use super::{CliError, progress};
+use super::progress::Progress;
 use crate::evaluate::{
-    BudgetRequest, Controller, Evaluation, EvaluationError, EvaluationPlan, EvaluationResult,
-    Judged, PathPlan, PathRecord, Policy, PowerBudget, RecordError, SpotCheck, evaluate,
-    frames_csv, judge, judged_table, parse_error_budget, settings_to_record, table,
+    self, Baselines, BudgetRequest, EvaluationError, EvaluationResult, PathPlan, PathRecord,
+    Policy, PowerBudget, RecordError, Trial, frames_csv, parse_error_budget, pictures,
+    play_for_real, settings_to_record, table,
 };
 use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::report::{captioned, evaluation_report};
-use crate::scene::SceneDescription;
-use crate::stage::{RemoteStage, StageRequest};
+use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -41,14 +39,16 @@ pub(super) struct Arguments {
     /// Budget of the mean error, 1 − SSIM
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
     error_budget: Vec<String>,
-    /// Baselines to compare with: all, simulated from a record of the path; presets and resolution,
-    /// rendered; none
+    /// Baselines to compare with, all simulated from a record of the path. Quick ones are presets,
+    /// resolution, and the constant by training cameras
     #[arg(long, value_name = "WHICH", default_value = "quick")]
     baselines: Baselines,
-    /// Record of the path to resume and extend: power and error of every setting in every frame
+    /// Record of the path to resume and extend: power and error of settings in every frame; default:
+    /// beside the map, and none of quick comparisons
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// With a record: number of budgets, from the first, that are rendered as well
+    /// Number of budgets, from the first, that are played for real as well; default: 1 of quick
+    /// comparisons, else 0
     #[arg(long, value_name = "N")]
     spot_checks: Option<usize>,
     /// Duration of transitions between settings, up and down, in seconds; default as in an app: 1
@@ -71,17 +71,6 @@ pub(super) struct Arguments {
     report: Option<PathBuf>,
 }
 
-/// Extent of the comparison.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Baselines {
-    /// Constants, oracles, the reactive ladder, presets, resolution: from a record of the path
-    All,
-    /// Presets and resolution, rendered
-    Quick,
-    /// None: the frugal run alone, from a record
-    None,
-}
-
 fn transition(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
     // Beyond what a duration holds, infinity among it, is never.
@@ -98,25 +87,14 @@ impl Arguments {
         })
     }
 
+    /// Number of budgets to play for real.
+    fn checks(&self) -> usize {
+        self.spot_checks.unwrap_or(usize::from(self.baselines == Baselines::Quick))
+    }
+
     /// Fails where an option would be ignored.
     fn check(&self, budgets: usize) -> Result<(), CliError> {
-        let quick = self.baselines == Baselines::Quick;
-        if quick && budgets > 1 {
-            return Err(CliError::usage(
-                "several budgets need a record: add --baselines all, or give one budget",
-            ));
-        }
-        let of_record = [
-            ("--record", self.record.is_some()),
-            ("--spot-checks", self.spot_checks.is_some()),
-            ("--workers", self.workers.several()),
-        ];
         let of_one = [("--csv", self.csv.is_some()), ("--report", self.report.is_some())];
-        if let Some((option, _)) = of_record.iter().find(|(_, given)| quick && *given) {
-            return Err(CliError::usage(format!(
-                "{option} is for a record: add --baselines all, or --baselines none"
-            )));
-        }
         if let Some((option, _)) = of_one.iter().find(|(_, given)| budgets > 1 && *given) {
             return Err(CliError::usage(format!(
                 "{option} is for one budget, here are {budgets}: give one, or --json for all"
@@ -130,11 +108,15 @@ impl Arguments {
         }
     }
 
-    /// The path's record.
-    fn record_file(&self) -> PathBuf {
-        let mut file = self.map.as_os_str().to_owned();
-        file.push(format!(".{}.record", self.path));
-        self.record.clone().unwrap_or_else(|| file.into())
+    /// The path's record where it is kept: quick comparisons measure anew unless told otherwise.
+    fn record_file(&self) -> Option<PathBuf> {
+        let beside_map = || {
+            let mut file = self.map.as_os_str().to_owned();
+            file.push(format!(".{}.record", self.path));
+            PathBuf::from(file)
+        };
+        let is_kept = self.baselines != Baselines::Quick;
+        self.record.clone().or_else(|| is_kept.then(beside_map))
     }
 
     fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
@@ -165,115 +147,80 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let budgets = arguments.budgets()?;
     arguments.check(budgets.len())?;
     let (scene, name) = open_scene(&arguments.scene)?;
-    let map = read_map(&arguments.map, &scene, &name)?;
+    let map = read_map_of(&scene, &name, &arguments.map)?;
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
-    check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
+    let kept = arguments.record_file();
+    check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), kept.as_ref()])?;
     check_report(arguments.report.as_ref())?;
     let header =
         record_header(&SceneIdentity { name, fingerprint: scene.fingerprint()? }, &map, &path);
-    if arguments.baselines != Baselines::Quick {
-        let file = arguments.record_file();
-        check_outputs([Some(&file)])?;
-        Journal::check(&file, &header, Existing::Resume)
-            .map_err(|error| JournalUse::EVALUATE.refused(&error))?;
+    if let Some(file) = &kept {
+        Journal::check(file, &header, Existing::Resume)
+            .map_err(|error| JournalUse::Evaluate.refused(&error))?;
     }
 
-    let meter = arguments.meter.clone();
-    let workers = &arguments.workers;
-    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
-    let label = arguments.scene.display().to_string();
-    if arguments.baselines == Baselines::Quick {
-        let evaluation = play(&mut stage, &map, &label, &path, budgets[0], arguments.control())?;
-        println!("{}", table(&evaluation.result));
-        return outputs(
-            arguments,
-            &map,
-            std::slice::from_ref(&evaluation.result),
-            Some(&evaluation),
-        );
-    }
-    let record = record(&mut stage, &map, header, &path, arguments)?;
-    let lens = stage.lens();
-    let mut judged: Vec<Judged> = budgets
-        .iter()
-        .map(|budget| judge(&record, &map, lens, budget, arguments.control()))
-        .collect();
-    if arguments.baselines == Baselines::None {
-        judged.iter_mut().for_each(|judged| judged.runs.truncate(1));
-    }
-    println!("{}", judged_table(&judged));
-    let checks = spot_checks(&mut stage, &record, &map, &judged, arguments)?;
-    let mut results: Vec<EvaluationResult> =
-        judged.into_iter().map(|judged| result(judged, &label, &path, &stage)).collect();
-    for (result, check) in results.iter_mut().zip(checks) {
-        println!(
-            "{}, rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}",
-            result.asked,
-            check.mean_power_w.0,
-            check.mean_error,
-            check.recorded_mean_power_w.0,
-            check.recorded_mean_error
-        );
-        result.spot_check = Some(check);
-    }
-    outputs(arguments, &map, &results, None)
-}
-
-/// Rendered frugal runs under the first budgets.
-fn spot_checks(
-    stage: &mut RemoteStage,
-    record: &PathRecord,
-    map: &FrontierMap,
-    judged: &[Judged],
-    arguments: &Arguments,
-) -> Result<Vec<SpotCheck>, CliError> {
-    let checked = &judged[..arguments.spot_checks.unwrap_or(0)];
-    if checked.is_empty() {
-        return Ok(Vec::new());
-    }
-    stage.warm()?;
-    let (lens, control) = (stage.lens(), arguments.control());
-    let policy = |judged: &Judged| -> Box<dyn Policy + '_> {
-        Box::new(Controller::new(map, &judged.budget, lens, control))
-    };
-    let mut policies: Vec<_> = checked.iter().map(policy).collect();
-    let bar = progress::bar(0);
-    let played = record.render_runs(stage, &mut policies, &mut |progress| {
-        bar.set_length(progress.frames_total as u64);
-        bar.set_position(progress.frames_done as u64);
-        bar.set_message("frames, rendered");
-        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    bar.finish_and_clear();
-    let played = played.map_err(CliError::failed)?;
-    let ours = checked.iter().filter_map(|judged| judged.runs.first());
-    Ok(played.iter().zip(ours).map(|(real, recorded)| SpotCheck::new(real, recorded)).collect())
-}
-
-fn result(judged: Judged, scene: &str, path: &PathPlan, stage: &RemoteStage) -> EvaluationResult {
-    EvaluationResult {
-        scene: scene.to_owned(),
-        path: path.name().to_owned(),
-        frames: path.poses().len(),
-        fps: path.fps(),
+    let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
+    let workers = arguments.workers.count(request.meter.as_deref())?;
+    let mut stage = RemoteStage::open(&scene, request, workers)?;
+    let record = record(&mut stage, &map, header, &path, arguments.baselines, kept)?;
+    let (meter, label) = (stage.meter(), arguments.scene.display().to_string());
+    let trial = Trial {
+        scene: &label,
+        record: &record,
+        map: &map,
+        lens: stage.lens(),
         size: stage.size(),
-        meter: stage.meter(),
-        budget: judged.budget,
-        asked: judged.asked,
-        runs: judged.runs,
-        drift: Default::default(),
-        warnings: vec!["runs are simulated from a record of the path: settings in transitions of the filter are interpolated".to_owned()],
-        gap_closed: judged.gap_closed,
-        dominated_by: judged.dominated_by,
-        spot_check: None,
+        meter: &meter,
+        control: arguments.control(),
+        baselines: arguments.baselines,
+    };
+    let mut results: Vec<EvaluationResult> =
+        budgets.iter().map(|budget| trial.judge(budget)).collect();
+    check(&mut stage, &trial, &mut results[..arguments.checks()])?;
+    for result in &results {
+        println!("{}", table(result));
+    }
+    outputs(&mut stage, arguments, &trial, &results)
+}
+
+/// Plays frugal runs for real.
+fn check(
+    stage: &mut RemoteStage,
+    trial: &Trial<'_>,
+    results: &mut [EvaluationResult],
+) -> Result<(), CliError> {
+    if results.is_empty() {
+        return Ok(());
+    }
+    let policy = |result: &EvaluationResult| -> Box<dyn Policy + '_> {
+        Box::new(trial.controller(&result.budget))
+    };
+    let mut policies: Vec<_> = results.iter().map(policy).collect();
+    let (path, best) = (&trial.record.path, trial.map.knobs.highest());
+    stage.warm()?;
+    let shown = Progress::new(0, "frames");
+    let played = play_for_real(stage, path, best, &mut policies, &mut of_frames(&shown));
+    drop(shown);
+    let played = played.map_err(CliError::failed)?;
+    for (result, run) in results.iter_mut().zip(&played.runs) {
+        result.add_check(run, played.drift);
+    }
+    Ok(())
+}
+
+/// Shows the progress of frames.
+fn of_frames(shown: &Progress) -> impl FnMut(&evaluate::Progress<'_>) -> ControlFlow<()> {
+    |progress| {
+        let what = format!("frames, {}", progress.run);
+        shown.at(progress.frames_done, progress.frames_total, what)
     }
 }
 
 fn outputs(
+    stage: &mut RemoteStage,
     arguments: &Arguments,
-    map: &FrontierMap,
+    trial: &Trial<'_>,
     results: &[EvaluationResult],
-    played: Option<&Evaluation>,
 ) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
         match results {
@@ -283,12 +230,17 @@ fn outputs(
     }
     if let (Some(path), [result]) = (&arguments.csv, results) {
         let mut rows = Vec::new();
-        frames_csv(result, &map.knobs, &mut rows).map_err(CliError::failed)?;
+        frames_csv(result, &trial.map.knobs, &mut rows).map_err(CliError::failed)?;
         write(path, &rows)?;
     }
     if let (Some(folder), [result]) = (&arguments.report, results) {
-        let pictures = played.map(captioned).unwrap_or_default();
-        write_report(folder, &evaluation_report(result, &pictures, &[])?)?;
+        let (path, frames) = (&trial.record.path, result.frames);
+        let numbers = [frames / 4, frames / 2, 3 * frames / 4];
+        let shown = Progress::new(0, "frames");
+        let kept = pictures(stage, path, result, &numbers, &mut of_frames(&shown));
+        drop(shown);
+        let kept = kept.map_err(CliError::failed)?;
+        write_report(folder, &evaluation_report(result, &captioned(result, &kept), &[])?)?;
     }
     Ok(())
 }
@@ -299,158 +251,41 @@ fn record_header(scene: &SceneIdentity, map: &FrontierMap, path: &PathPlan) -> J
     journal_header(scene, &map.capture).with("path", format!("{} {poses:016x}", path.name()))
 }
 
-/// The path's record: read, extended with every setting of the map, and kept.
+/// The path's record: read where it is `kept`, extended with what the comparison needs.
 fn record(
     stage: &mut RemoteStage,
     map: &FrontierMap,
     header: JournalHeader,
     path: &PathPlan,
-    arguments: &Arguments,
+    baselines: Baselines,
+    kept: Option<PathBuf>,
 ) -> Result<PathRecord, CliError> {
-    let (file, of) = (arguments.record_file(), JournalUse::EVALUATE);
+    let of = JournalUse::Evaluate;
+    let scratch = tempfile::tempdir().map_err(CliError::failed)?;
+    let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
     let header = rendered_by(header, &map.knobs, &stage.meter())?;
-    let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of)?;
+    let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
-    let settings = settings_to_record(map);
-    let bar = progress::bar(0);
+    let settings = settings_to_record(map, baselines);
+    let shown = Progress::new(0, "frames");
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }
-    let recorded = record.extend(stage.processes(), &settings, &mut journal, &mut |progress| {
-        bar.set_length(progress.frames_total as u64);
-        bar.set_position(progress.frames_done as u64);
-        bar.set_message("frames of the path's record");
-        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    bar.finish_and_clear();
+    let recorded =
+        record.extend(stage.processes(), &settings, &mut journal, &mut of_frames(&shown));
+    drop(shown);
     recorded.map_err(|error| match error {
         RecordError::Journal(error) => of.failed(&error),
+        RecordError::Play(EvaluationError::Interrupted) if kept.is_none() => CliError::failed(
+            "interrupted: nothing was written; --record FILE keeps what is rendered",
+        ),
         RecordError::Play(EvaluationError::Interrupted) => of.interrupted(),
         error => CliError::failed(error),
     })?;
     eprintln!(
-        "{}: {} settings at {} frames",
-        file.display(),
+        "recorded {} settings at {} frames",
         record.table.settings().len(),
         record.table.rows()
     );
     Ok(record)
-}
-
-/// Reads a map and checks that it belongs to the scene.
-pub(super) fn read_map(
-    path: &Path,
-    scene: &SceneDescription,
-    name: &str,
-) -> Result<FrontierMap, CliError> {
-    let text = std::fs::read_to_string(path).map_err(|error| {
-        CliError::usage(format!(
-            "{}: cannot be read: {error}; give a map written by frugal precompute",
-            path.display()
-        ))
-    })?;
-    let map = FrontierMap::from_ron(&text)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
-    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    map.matches_scene(&identity)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
-    Ok(map)
-}
-
-pub(super) fn plan_path(
-    scene: &SceneDescription,
-    name: &str,
-    fps: f64,
-) -> Result<PathPlan, CliError> {
-    let Some(path) = scene.paths.get(name) else {
-        let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-        let known = if known.is_empty() {
-            "it has none".to_owned()
-        } else {
-            let guess = did_you_mean(name, known.iter().copied());
-            format!("{guess}it has {}; name one of them with --path", known.join(", "))
-        };
-        return Err(CliError::usage(format!(
-            "{}: no path `{name}`: {known}",
-            scene.source.display()
-        )));
-    };
-    PathPlan::along(name, path, fps).map_err(CliError::usage)
-}
-
-/// Stages `scene` under the map's capture conditions.
-pub(super) fn open_stage(
-    scene: &SceneDescription,
-    scene_path: &Path,
-    map: &FrontierMap,
-    map_path: &Path,
-    meter: Option<String>,
-    workers: &WorkerArguments,
-) -> Result<RemoteStage, CliError> {
-    let here = crate::stage::every_knob()?;
-    for knob in map.knobs.knobs() {
-        let (path, name) = (map_path.display(), &knob.name);
-        match here.index_of(name).map(|index| &here.knobs()[index]) {
-            None => {
-                let guess = did_you_mean(name, here.knobs().iter().map(|knob| knob.name.as_str()));
-                return Err(CliError::usage(format!(
-                    "{path}: its knob `{name}` does not exist here: {guess}run frugal precompute again"
-                )));
-            }
-            Some(other) if other.levels != knob.levels => {
-                return Err(CliError::usage(format!(
-                    "{path}: its knob `{name}` has other levels here: run frugal precompute again"
-                )));
-            }
-            Some(_) => {}
-        }
-    }
-    let request = StageRequest {
-        scene: scene_path.to_owned(),
-        size: map.capture.size,
-        frames_per_second: map.capture.frames_per_second,
-        knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
-        meter: meter.or_else(|| Some(map.meter.name.clone())),
-    };
-    let workers = workers.count(request.meter.as_deref())?;
-    Ok(RemoteStage::open(scene, request, workers)?)
-}
-
-/// Renders all runs.
-pub(super) fn play(
-    stage: &mut RemoteStage,
-    map: &FrontierMap,
-    scene: &str,
-    path: &PathPlan,
-    budget: BudgetRequest,
-    control: ControlSettings,
-) -> Result<Evaluation, CliError> {
-    let frames = path.poses().len();
-    let keep = [frames / 4, frames / 2, 3 * frames / 4];
-    let plan = EvaluationPlan {
-        scene,
-        space: &map.knobs,
-        path,
-        meter: stage.meter(),
-        budget,
-        trained: Some(&map.shared),
-        keep_frames: &keep,
-    };
-    let lens = stage.lens();
-    stage.warm()?;
-
-    let bar = progress::bar(0);
-    let result = evaluate(
-        stage,
-        &plan,
-        |budget| Box::new(Controller::new(map, budget, lens, control)),
-        &mut |progress| {
-            bar.set_length(progress.frames_total as u64);
-            bar.set_position(progress.frames_done as u64);
-            bar.set_message(format!("frames, {}", progress.run));
-            if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        },
-    );
-    bar.finish_and_clear();
-    result.map_err(CliError::failed)
 }

@@ -4,11 +4,11 @@
 use std::path::{Path, PathBuf};
 
 use bevy_frugal_gi::frontier::FrontierMap;
-use bevy_frugal_gi::units::Watts;
-use glam::Vec3;
 
 use super::CliError;
 use super::arguments::{check_outputs, check_report, json, write, write_report};
+use super::input::read_map;
+use crate::evaluate::PowerBudget;
 use crate::inspect::{
     CompareError, MapComparison, compare, comparison_table, presets, presets_table,
 };
@@ -43,11 +43,10 @@ pub(super) struct Arguments {
 
 /// `1.5%`, as a share.
 fn tolerance(text: &str) -> Result<f64, String> {
-    let percent =
-        text.trim().strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
-    let share =
-        percent.filter(|percent| (0.0..=100.0).contains(percent)).map(|percent| percent / 100.0);
-    share.ok_or_else(|| "expected a percentage from 0% to 100%, as in 1%".to_owned())
+    match PowerBudget::read(text) {
+        Some(PowerBudget::Share(share)) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("expected a percentage from 0% to 100%, as in 1%".to_owned()),
+    }
 }
 
 /// The comparison as JSON.
@@ -61,42 +60,18 @@ struct Gate<'a> {
     comparison: &'a MapComparison,
 }
 
-pub(super) fn summary(map: &FrontierMap) -> MapSummary<'_> {
-    MapSummary {
-        scene: &map.scene.name,
-        space: &map.knobs,
-        octree: &map.octree,
-        bounds_min: Vec3::from_array(map.bounds.min),
-        bounds_max: Vec3::from_array(map.bounds.max),
-        meter: &map.meter,
-        size: map.capture.size,
-        fps: map.capture.frames_per_second,
-        power_threshold: Watts(map.thresholds.power_w),
-        error_threshold: map.thresholds.error,
-    }
-}
-
-/// Reads a map; returns it with its text.
-pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| CliError::usage(format!("{}: cannot be read: {error}", path.display())))?;
-    let map = FrontierMap::from_ron(&text)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
-    Ok((map, text))
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([arguments.presets.as_ref(), arguments.json.as_ref()])?;
     check_report(arguments.report.as_ref())?;
     match &arguments.compare {
-        Some(old) => guard(arguments, old),
-        None => tell(arguments),
+        Some(old) => compare_maps(arguments, old),
+        None => summarise(arguments),
     }
 }
 
 /// Prints the map's summary, and writes the requested files.
-fn tell(arguments: &Arguments) -> Result<(), CliError> {
-    let (map, text) = read(&arguments.map)?;
+fn summarise(arguments: &Arguments) -> Result<(), CliError> {
+    let (map, text) = read_map(&arguments.map)?;
     // Checked before anything is printed or written: a map without presets is invalid input.
     let presets = arguments
         .presets
@@ -112,7 +87,7 @@ fn tell(arguments: &Arguments) -> Result<(), CliError> {
         write_report(
             folder,
             &map_report(
-                &summary(&map),
+                &MapSummary::of(&map),
                 &[("file".to_owned(), arguments.map.display().to_string())],
             )?,
         )?;
@@ -169,8 +144,8 @@ fn print_facts(map: &FrontierMap, text: &str) {
 
 /// Compares the map with an older one; a rise of power is an error with its own exit status, after
 /// everything is written.
-fn guard(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
-    let ((old_map, _), (new_map, _)) = (read(old)?, read(&arguments.map)?);
+fn compare_maps(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
+    let ((old_map, _), (new_map, _)) = (read_map(old)?, read_map(&arguments.map)?);
     let comparison = compare(&old_map, &new_map, arguments.any_device).map_err(|error| {
         let way = if matches!(error, CompareError::OtherDevice { .. }) {
             "; --any-device compares all the same"

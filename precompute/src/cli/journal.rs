@@ -9,7 +9,7 @@ use bevy_frugal_gi::power::MeterInfo;
 use super::CliError;
 use crate::cost::is_work_meter;
 use crate::device;
-use crate::journal::{Existing, Journal, JournalError, JournalHeader, hash};
+use crate::journal::{Existing, Journal, JournalError, JournalHeader, hash, records_of};
 use crate::stage::adapter;
 
 /// What to do with the journal of an earlier run.
@@ -33,36 +33,17 @@ impl JournalArguments {
     }
 }
 
-/// A command's ways with its journal. All advice on journals is made from them, so that none names an
-/// option that the command lacks.
+/// A command with a journal. All advice on journals is made here, so that none names an option that the
+/// command lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct JournalUse {
-    /// Its name.
-    command: &'static str,
-    /// Whether it has `--resume`; without it the same command goes on by itself.
-    has_resume: bool,
-    /// Whether it has `--overwrite`.
-    has_overwrite: bool,
-    /// The option that gives the journal another place.
-    place: Option<&'static str>,
+pub(super) enum JournalUse {
+    /// Has `--resume` and `--overwrite`.
+    Precompute,
+    /// Goes on by itself.
+    Evaluate,
 }
 
 impl JournalUse {
-    pub(super) const PRECOMPUTE: Self = Self {
-        command: "precompute",
-        has_resume: true,
-        has_overwrite: true,
-        place: Some("--output"),
-    };
-    pub(super) const REGRET: Self = Self { command: "regret", place: None, ..Self::PRECOMPUTE };
-    pub(super) const DEMO: Self = Self { command: "demo", has_resume: false, ..Self::PRECOMPUTE };
-    pub(super) const EVALUATE: Self = Self {
-        command: "evaluate",
-        has_resume: false,
-        has_overwrite: false,
-        place: Some("--record"),
-    };
-
     /// The user stopped the run.
     pub(super) fn interrupted(self) -> CliError {
         CliError::failed(format!("interrupted: {}", self.going_on()))
@@ -79,41 +60,41 @@ impl JournalUse {
     }
 
     /// This shard has rendered its share.
-    pub(super) fn needs_merge(self) -> CliError {
+    pub(super) fn needs_others(self) -> CliError {
         let again = self.going_on();
         CliError::failed(format!(
-            "this shard's share is rendered: merge the shards' journals with `frugal merge`; then, for every shard, {again}"
+            "this shard's share is rendered: once the other shards' journals, or what `frugal merge` made of them, are beside the map, {again}"
         ))
     }
 
     fn going_on(self) -> &'static str {
-        if self.has_resume {
-            "the same command with --resume continues"
-        } else {
-            "the same command continues"
+        match self {
+            Self::Precompute => "the same command with --resume continues",
+            Self::Evaluate => "the same command continues",
         }
     }
 
     fn with_advice(self, error: &JournalError) -> String {
-        let resume = if self.has_resume { " and --resume" } else { "" };
+        let is_precompute = self == Self::Precompute;
         let first = match error {
-            JournalError::HasRecords { .. } if self.has_resume => {
-                Some("add --resume to continue it".to_owned())
+            JournalError::HasRecords { .. } => {
+                is_precompute.then(|| "add --resume to continue it".to_owned())
             }
-            JournalError::HasRecords { .. } => None,
-            JournalError::OtherRun { field, .. } => Some(format!("run with that {field}{resume}")),
+            JournalError::OtherRun { field, .. } => {
+                let resume = if is_precompute { " and --resume" } else { "" };
+                Some(format!("run with that {field}{resume}"))
+            }
             JournalError::NotAJournal { .. } => Some("move it away".to_owned()),
             JournalError::InUse { .. } => Some("wait until that has ended".to_owned()),
-            JournalError::NoLocks { .. } => Some("copy it to a local disk".to_owned()),
             JournalError::File(_) | JournalError::Header(_) => return error.to_string(),
         };
         let is_earlier =
             matches!(error, JournalError::HasRecords { .. } | JournalError::OtherRun { .. });
-        let anew = (is_earlier && self.has_overwrite)
+        let anew = (is_earlier && is_precompute)
             .then(|| "add --overwrite to drop it and begin anew".to_owned());
-        let elsewhere = self.place.map(|place| format!("give another {place}"));
-        let ways: Vec<String> = [first, anew, elsewhere].into_iter().flatten().collect();
-        format!("{error}: {}", ways.join(", or "))
+        let place = if is_precompute { "--output" } else { "--record" };
+        let ways = [first, anew, Some(format!("give another {place}"))];
+        format!("{error}: {}", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))
     }
 }
 
@@ -125,6 +106,32 @@ pub(super) fn journal_path(map: &Path, shard: Option<(usize, usize)>) -> PathBuf
     }
     path.push(".journal");
     path.into()
+}
+
+/// Journals beside the map but its run's `own`: of other shards, and of the whole.
+pub(super) fn other_journals(map: &Path, own: &Path) -> Vec<PathBuf> {
+    let folder = map.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter().flatten();
+    let name = map.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is_of_map = |path: &PathBuf| {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        whole_journal(&file).is_some_and(|whole| whole == format!("{name}.journal"))
+            && path.file_name() != own.file_name()
+    };
+    let mut found: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(is_of_map).collect();
+    found.sort();
+    found
+}
+
+/// The name of the whole run's journal from that of a shard's or its own.
+pub(super) fn whole_journal(name: &str) -> Option<String> {
+    let stem = name.strip_suffix(".journal")?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let of_shard = stem.rsplit_once('.').filter(|(_, shard)| {
+        shard.split_once("-of-").is_some_and(|(index, count)| is_number(index) && is_number(count))
+    });
+    Some(format!("{}.journal", of_shard.map_or(stem, |(map, _)| map)))
 }
 
 /// The part of a journal's header that is known before anything is rendered.
@@ -164,21 +171,28 @@ pub(super) fn rendered_by(
     Ok(header.with("metered device", device::stable_device(meter)))
 }
 
-/// The journal, and the records of an earlier run that is continued.
+/// The journal, and the records of an earlier run that is continued, with those of `others`.
 pub(super) fn open_journal(
     path: &Path,
     header: &JournalHeader,
     existing: Existing,
     of: JournalUse,
+    others: &[PathBuf],
 ) -> Result<(Journal, Vec<String>), CliError> {
-    let (journal, records) =
+    let (journal, mut records) =
         Journal::open(path, header, existing).map_err(|error| of.refused(&error))?;
-    if existing == Existing::Resume && (of.has_resume || !records.is_empty()) {
+    for other in others.iter().filter(|_| existing == Existing::Resume) {
+        match records_of(other, header) {
+            Ok(more) => records.extend(more),
+            Err(error) => eprintln!("not read: {error}"),
+        }
+    }
+    if !records.is_empty() {
         eprintln!("resuming after {} records", records.len());
     }
     if journal.damaged() > 0 {
         eprintln!(
-            "{}: {} lines from the first damaged one on are left out, and made anew",
+            "{}: {} damaged lines are left out, and made anew",
             path.display(),
             journal.damaged()
         );
@@ -220,13 +234,27 @@ mod tests {
                 Journal::open(&file, &there, Existing::Overwrite).expect("a journal");
             journal.append("m 1").expect("room");
             drop(journal);
-            let error = open_journal(&file, &here, Existing::Resume, JournalUse::PRECOMPUTE)
+            let error = open_journal(&file, &here, Existing::Resume, JournalUse::Precompute, &[])
                 .expect_err("another machine")
                 .to_string();
             assert!(error.contains(&format!("its {field} is `PDP-11`, here it is ")), "{error}");
         }
         let work = format!("{:?}", header("work", "work of each frame at the prices of a device"));
         assert!(!work.contains("processor") && !work.contains("adapter"), "{work}");
+    }
+
+    #[test]
+    fn the_journals_of_a_map_s_shards_are_found() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let ours = ["a.ron.0-of-4.journal", "a.ron.3-of-4.journal", "a.ron.journal"];
+        for name in ["a.ron", "b.ron.1-of-4.journal", "a.ron.x-of-4.journal"].iter().chain(&ours) {
+            std::fs::write(folder.path().join(name), "").expect("can be written");
+        }
+        let [map, own] = ["a.ron", "a.ron.3-of-4.journal"].map(|name| folder.path().join(name));
+        let found = other_journals(&map, &own);
+        assert_eq!(found, [ours[0], ours[2]].map(|name| folder.path().join(name)));
+        assert_eq!(whole_journal(ours[1]).as_deref(), Some("a.ron.journal"));
+        assert_eq!(whole_journal("a.scene.ron"), None);
     }
 
     #[test]
@@ -239,23 +267,22 @@ mod tests {
             JournalError::HasRecords { path: path(), records: 3 },
             JournalError::OtherRun { path: path(), field: text(), found: text(), expected: text() },
             JournalError::InUse { path: path() },
-            JournalError::NoLocks { path: path() },
         ];
-        let all =
-            [JournalUse::PRECOMPUTE, JournalUse::REGRET, JournalUse::DEMO, JournalUse::EVALUATE];
-        for of in all {
+        for (of, name) in
+            [(JournalUse::Precompute, "precompute"), (JournalUse::Evaluate, "evaluate")]
+        {
             let mut said: Vec<String> =
                 errors.iter().map(|error| of.refused(error).to_string()).collect();
             said.extend(errors.iter().map(|error| of.failed(error).to_string()));
-            said.extend([of.interrupted().to_string(), of.needs_merge().to_string()]);
-            crate::cli::tests::assert_options_of(of.command, &said);
+            said.extend([of.interrupted().to_string(), of.needs_others().to_string()]);
+            crate::cli::tests::assert_options_of(name, &said);
             // And every option that goes on or begins anew is named somewhere.
             let cli = crate::cli::Cli::command();
-            let command = cli.find_subcommand(of.command).expect("a command");
+            let command = cli.find_subcommand(name).expect("a command");
             for option in ["resume", "overwrite"] {
                 let is_there = command.get_arguments().any(|it| it.get_long() == Some(option));
                 let is_named = said.iter().any(|text| text.contains(&format!("--{option}")));
-                assert_eq!(is_there, is_named, "{}: --{option}", of.command);
+                assert_eq!(is_there, is_named, "{name}: --{option}");
             }
         }
     }

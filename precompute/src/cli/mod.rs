@@ -6,25 +6,19 @@
 mod arguments;
 mod calibrate;
 mod compare;
-mod demo;
 mod error;
 mod evaluate;
+mod input;
 mod inspect;
 mod journal;
 mod merge;
 mod meters;
+mod plot_log;
 mod precompute;
-mod price;
 mod progress;
 mod reference;
-mod regret;
 mod render;
-mod report;
 mod reprice;
-#[cfg(unix)]
-mod runtime_dir;
-mod search;
-mod sweep;
 
 use std::process::ExitCode;
 
@@ -46,20 +40,12 @@ enum Command {
     Precompute(precompute::Arguments),
     /// Plays a camera path under a budget beside baselines
     Evaluate(evaluate::Arguments),
-    /// Measures how much power a map wastes at cameras that it has not seen
-    Regret(regret::Arguments),
-    /// Renders every combination of settings at one camera: the full power-error cloud
-    Sweep(sweep::Arguments),
-    /// Counts the renderings that search methods need, on recorded sweeps
-    Search(search::Arguments),
     /// Renders one image
     Render(render::Arguments),
     /// Path-traces one image on the CPU: the reference for `render`
     Reference(reference::Arguments),
     /// Compares the linear radiance of two images
     Compare(compare::Arguments),
-    /// Measures each level of the global illumination's knobs: cost, and error against path tracing
-    Price(price::Arguments),
     /// Summarises a map, takes presets from it, or compares its power with an older map's
     Inspect(inspect::Arguments),
     /// Fits prices of work on this device, for maps that were made elsewhere
@@ -73,10 +59,9 @@ enum Command {
         after_help = "FRUGAL_SYS_ROOT=FOLDER reads FOLDER/sys in place of /sys, for fake trees."
     )]
     Meters(meters::Arguments),
-    /// Precomputes, evaluates under a power and an error budget, and writes one report
-    Demo(demo::Arguments),
     /// Plots the control log of an app: power, error, frame times and switches under its budgets
-    Report(report::Arguments),
+    #[command(alias = "report")]
+    PlotLog(plot_log::Arguments),
     /// Renders for a parent process
     #[command(hide = true)]
     StageWorker,
@@ -84,27 +69,20 @@ enum Command {
 
 /// Runs the process's command line.
 pub fn run() -> ExitCode {
-    #[cfg(unix)]
-    runtime_dir::provide();
     end_when_nobody_reads();
     let cli = Cli::parse();
     let result = match &cli.command {
         Command::Precompute(arguments) => precompute::run(arguments),
         Command::Evaluate(arguments) => evaluate::run(arguments),
-        Command::Regret(arguments) => regret::run(arguments),
-        Command::Sweep(arguments) => sweep::run(arguments),
-        Command::Search(arguments) => search::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Reference(arguments) => reference::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
-        Command::Price(arguments) => price::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
         Command::Reprice(arguments) => reprice::run(arguments),
         Command::Merge(arguments) => merge::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
-        Command::Demo(arguments) => demo::run(arguments),
-        Command::Report(arguments) => report::run(arguments),
+        Command::PlotLog(arguments) => plot_log::run(arguments),
         Command::StageWorker => crate::stage::serve().map_err(CliError::failed),
     };
     match result {
@@ -177,7 +155,7 @@ mod tests {
                 let entries = std::fs::read_dir(folder.join(name)).expect("a folder");
                 entries.map(|entry| entry.expect("a file").path()).collect()
             } else {
-                vec![folder.join(format!("{name}.rs"))]
+                vec![folder.join(format!("{}.rs", name.replace('-', "_")))]
             };
             for file in files.iter().filter(|file| file.exists()) {
                 assert_options_of(name, &read(file));

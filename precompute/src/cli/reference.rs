@@ -4,8 +4,10 @@ use std::time::Instant;
 
 use glam::UVec2;
 
-use super::arguments::{CameraArguments, PictureArguments, open_scene, size, write};
-use super::{CliError, progress};
+use super::CliError;
+use super::arguments::{CameraArguments, PictureArguments, size, write};
+use super::input::open_scene;
+use super::progress::{Progress, interrupted};
 use crate::metrics::tone;
 use crate::reference::{ReferenceError, ReferenceScene, Settings, Shading, View, Watch, render};
 use crate::stage::Component;
@@ -76,15 +78,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     };
 
     let started = Instant::now();
-    let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows");
-    bar.tick();
+    let shown = Progress::new(u64::from(arguments.size.y), "rows");
     let rendering = render(
         &scene,
         &view,
         &settings,
-        Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted },
+        Watch { row_done: &|| shown.step(), interrupted: &interrupted },
     );
-    bar.finish_and_clear();
+    drop(shown);
     let rendering =
         rendering.ok_or_else(|| CliError::failed("interrupted: nothing was written"))?;
     let radiance = match arguments.component {

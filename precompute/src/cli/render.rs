@@ -1,7 +1,8 @@
 //! `frugal render`: one image.
 
 use super::CliError;
-use super::arguments::{CameraArguments, ImageArguments, PictureArguments, open_scene, write};
+use super::arguments::{CameraArguments, ImageArguments, PictureArguments, write};
+use super::input::open_scene;
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]
@@ -10,7 +11,8 @@ pub(super) struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     image: ImageArguments,
-    /// `max`, `min`, or knob=level pairs; the other knobs are at their best
+    /// `max`, `min`, `default` (of the plugin's component), or knob=level pairs; the other knobs are at
+    /// their best
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
     /// Component of the light

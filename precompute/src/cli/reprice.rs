@@ -6,7 +6,7 @@ use glam::UVec2;
 
 use super::CliError;
 use super::arguments::{check_outputs, size, write};
-use super::inspect::read;
+use super::input::read_map;
 use crate::cost::{DeviceModel, NewConditions, reprice};
 
 #[derive(clap::Args, Debug)]
@@ -29,7 +29,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (map, _) = read(&arguments.map)?;
+    let (map, _) = read_map(&arguments.map)?;
     if let Some(fps) = arguments.fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
         return Err(CliError::usage(format!("--fps {fps}: must be a finite number above 0")));
     }

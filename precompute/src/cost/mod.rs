@@ -15,6 +15,7 @@ mod work_meter;
 pub(crate) use model::{CostModel, CostReading, FitQuality};
 pub(crate) use plan::ReadingPlan;
 pub(crate) use reprice::{DeviceModel, NewConditions, reprice};
-pub(crate) use shared::{saved_joules, with_shared_knobs};
+use shared::with_shared_knobs;
+pub(crate) use shared::{saved_joules, work_prices};
 pub(crate) use work::{FrameLayout, Work, work_names};
 pub(crate) use work_meter::{WORK_METER, WorkLedger, WorkMeter, is_work_meter};

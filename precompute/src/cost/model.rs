@@ -35,9 +35,7 @@ pub(crate) struct FitQuality {
 /// P = idle + `exp(u_camera)` · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate,
 /// and a factor for each camera.
 ///
-/// Idle power is measured apart. At one frame rate a fit cannot tell it from what every frame
-/// costs, and shares it out among all work that all readings have: a search with prices of a board
-/// of 73.3 W idle gave its map 59.8 W, and what the map says of another frame rate was wrong.
+/// Idle power is measured apart: at one frame rate a fit cannot tell it from what every frame costs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CostModel {
     /// Watts of the idle device, 0 or more.

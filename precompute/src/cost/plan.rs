@@ -15,10 +15,7 @@ const PER_CAMERA: usize = 8;
 /// with a single knob changed and a random one, from camera to camera.
 ///
 /// Settings with one knob changed from the best or the cheapest tell prices apart at both ends, random
-/// ones between them, where maps choose. Of prices fitted to 60 simulated readings with noise of 5 % at
-/// 6 cameras, the power of the settings of three maps was 2.4 to 2.8 % off in the mean, with 120
-/// readings 2.2 to 2.4 %. Single changes alone, knob by knob and camera by camera, had 8.3 to 9.2 and
-/// 5.5 to 5.6 %: their first 60 lack some knobs, and all but one camera.
+/// ones between them, where maps choose.
 #[derive(Clone, Debug)]
 pub(crate) struct ReadingPlan<'a> {
     space: &'a KnobSpace,

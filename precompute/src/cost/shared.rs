@@ -4,15 +4,37 @@
 use bevy_frugal_gi::frontier::{SharedKnobs, WorkPrices};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
-use super::{FrameLayout, Work};
+use super::{CostModel, FrameLayout, Work};
 
 /// Built-in knobs of app scope whose work is priced, in the order of the table. The frame rate is the
 /// app's, too, but no work of a frame.
 const SHARED: [&str; 2] = ["shadow_map_resolution", "shadow_cascades"];
 
+/// A model's prices as energy, for a map or a file of a device.
+pub(crate) fn work_prices(
+    model: &CostModel,
+    space: &KnobSpace,
+    layout: &FrameLayout,
+    frames_per_second: f64,
+) -> WorkPrices {
+    let kinds = super::work_names(space);
+    let mut joules: Vec<f64> = model.prices.iter().map(|watts| watts / frames_per_second).collect();
+    joules.resize(kinds.len(), 0.0);
+    let prices = WorkPrices {
+        kinds,
+        joules,
+        idle: model.idle,
+        maps: layout.maps,
+        point_lights: layout.point_lights,
+        has_sky: layout.has_sky,
+        ..WorkPrices::default()
+    };
+    with_shared_knobs(prices, space, layout)
+}
+
 /// `prices` with the energy of each combination of levels of the shared knobs that `space` has, all
 /// other knobs at their best.
-pub(crate) fn with_shared_knobs(
+pub(super) fn with_shared_knobs(
     mut prices: WorkPrices,
     space: &KnobSpace,
     layout: &FrameLayout,

@@ -7,7 +7,7 @@ use crate::scene::{Environment, Light, SceneDescription};
 
 /// Parameters of a frame's work other than its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameLayout {
+pub(crate) struct FrameLayout {
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// Number of whole reflective shadow maps: one for each light that is no point light.
@@ -20,7 +20,7 @@ pub struct FrameLayout {
 
 impl FrameLayout {
     /// The layout of frames of `scene` at `size` pixels.
-    pub fn of(scene: &SceneDescription, size: [u32; 2]) -> Self {
+    pub(crate) fn of(scene: &SceneDescription, size: [u32; 2]) -> Self {
         let has_sky = match &scene.environment {
             Environment::None => false,
             Environment::Constant(radiance) => *radiance != [0.0; 3],

@@ -41,32 +41,35 @@ pub(crate) enum PowerBudget {
     Share(f64),
 }
 
+impl PowerBudget {
+    /// Reads watts, with or without a `W`, or a percentage, whatever the number.
+    pub(crate) fn read(text: &str) -> Option<Self> {
+        let text = text.trim();
+        let number = |number: &str| number.trim_end().parse::<f64>().ok();
+        match text.strip_suffix('%') {
+            Some(percent) => Some(Self::Share(number(percent)? / 100.0)),
+            None => {
+                Some(Self::Power(Watts(number(text.strip_suffix(['W', 'w']).unwrap_or(text))?)))
+            }
+        }
+    }
+}
+
 impl FromStr for PowerBudget {
     type Err = BudgetError;
 
     /// Reads `7W`, `7 W`, `7` or `60%`.
     fn from_str(text: &str) -> Result<Self, BudgetError> {
-        let trimmed = text.trim();
-        let (number, percent) = match trimmed.strip_suffix('%') {
-            Some(number) => (number, true),
-            None => (trimmed.strip_suffix(['W', 'w']).unwrap_or(trimmed), false),
+        let budget = Self::read(text).ok_or_else(|| BudgetError::NotPower(text.to_owned()))?;
+        // Written so that NaN fails.
+        let is_right = match budget {
+            Self::Power(watts) => watts.0 > 0.0 && watts.0.is_finite(),
+            Self::Share(share) => share > 0.0 && share <= 1.0,
         };
-        let number: f64 =
-            number.trim_end().parse().map_err(|_| BudgetError::NotPower(text.to_owned()))?;
-        if percent {
-            // Written so that NaN fails.
-            let right = number > 0.0 && number <= 100.0;
-            return if right {
-                Ok(Self::Share(number / 100.0))
-            } else {
-                Err(BudgetError::ShareRange(text.to_owned()))
-            };
-        }
-        let right = number > 0.0 && number.is_finite();
-        if right {
-            Ok(Self::Power(Watts(number)))
-        } else {
-            Err(BudgetError::PowerRange(text.to_owned()))
+        match budget {
+            _ if is_right => Ok(budget),
+            Self::Power(_) => Err(BudgetError::PowerRange(text.to_owned())),
+            Self::Share(_) => Err(BudgetError::ShareRange(text.to_owned())),
         }
     }
 }

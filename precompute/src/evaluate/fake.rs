@@ -1,11 +1,22 @@
 //! A frame renderer whose power and error are formulas, for tests.
 
+use std::ops::ControlFlow;
+
+use bevy_frugal_gi::control::ControlSettings;
+use bevy_frugal_gi::frontier::{
+    Bounds, Capture, Corner, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree,
+    SceneIdentity, Thresholds,
+};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Watts;
 use glam::{Quat, Vec3};
 
-use super::{FrameRenderer, PathPlan, Pose, RenderedFrame};
+use super::{
+    Baselines, BudgetRequest, EvaluationResult, FrameRenderer, PathPlan, PathRecord, Pose,
+    RenderedFrame, Trial, settings_to_record,
+};
+use crate::journal::{Existing, Journal, JournalHeader};
 use crate::metrics::Picture;
 
 /// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre
@@ -61,6 +72,78 @@ pub(crate) fn power(settings: KnobLevels) -> f64 {
 pub(crate) fn error(settings: KnobLevels) -> f64 {
     let (a, b) = (200.0, f64::from(grey(settings)));
     1.0 - (2.0 * a * b + 6.5025) / (a * a + b * b + 6.5025)
+}
+
+/// The map of these costs: one frontier everywhere.
+pub(crate) fn map(space: KnobSpace) -> FrontierMap {
+    let point = |settings| FrontierPoint {
+        settings,
+        cost: CostPoint::new(power(settings), error(settings)),
+    };
+    let shared = Frontier::from_points(space.iter().map(point));
+    let mut corners: Vec<Corner> = (0..8_u16)
+        .map(|number| Corner { at: [number & 1, number >> 1 & 1, number >> 2], frontiers: [0; 6] })
+        .collect();
+    corners.sort_by_key(|corner| corner.at);
+    FrontierMap {
+        version: FrontierMap::VERSION,
+        scene: SceneIdentity { name: "fake".into(), fingerprint: "00ff".into() },
+        capture: Capture {
+            size: [16, 12],
+            frames_per_second: 5.0,
+            vertical_fov: 60.0,
+            exposure_ev100: 12.0,
+        },
+        meter: meter(),
+        thresholds: Thresholds { power_w: 0.1, error: 0.001 },
+        seed: 0,
+        knobs: space,
+        bounds: Bounds { min: [0.0; 3], max: [4.0; 3] },
+        error_rates: Default::default(),
+        work_prices: Default::default(),
+        knob_effects: Default::default(),
+        octree: Octree { levels: 0, nodes: vec![0], corners, frontiers: vec![shared.clone()] },
+        shared,
+    }
+}
+
+/// A record of the path for a comparison.
+pub(crate) fn recorded(map: &FrontierMap, baselines: Baselines) -> PathRecord {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, header) = (folder.path().join("journal"), JournalHeader::default());
+    let (mut journal, _) = Journal::open(&file, &header, Existing::Refuse).unwrap();
+    let mut record = PathRecord::restore(&path(), &map.knobs, &[]);
+    let settings = settings_to_record(map, baselines);
+    record
+        .extend(&mut [Fake::default()], &settings, &mut journal, &mut |_| ControlFlow::Continue(()))
+        .unwrap();
+    record
+}
+
+/// Conditions of a comparison.
+pub(crate) fn trial<'a>(
+    record: &'a PathRecord,
+    map: &'a FrontierMap,
+    baselines: Baselines,
+) -> Trial<'a> {
+    Trial {
+        scene: "court.scene.ron",
+        record,
+        map,
+        lens: (1.0, 4.0 / 3.0),
+        size: [16, 12],
+        meter: &map.meter,
+        control: ControlSettings::default(),
+        baselines,
+    }
+}
+
+/// A quick comparison under a budget.
+pub(crate) fn judged(power: Option<&str>, error: Option<f64>) -> EvaluationResult {
+    let map = map(space());
+    let record = recorded(&map, Baselines::Quick);
+    let budget = BudgetRequest { power: power.map(|text| text.parse().unwrap()), error };
+    trial(&record, &map, Baselines::Quick).judge(&budget)
 }
 
 fn grey(settings: KnobLevels) -> u8 {

@@ -3,38 +3,35 @@
 use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
-use super::baselines::{
-    Oracle, Reactive, best_constant, best_on, default_settings, ladder, oracle,
-};
+use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle};
 use super::bootstrap::dominates;
-use super::runner::ELSEWHERE;
 use super::{
-    BudgetRequest, Choice, Controlled, Controller, Fixed, FrameRecord, PathRecord, Policy, Pose,
-    RESOLUTION_KNOB, ResolvedBudget, RunResult,
+    BudgetRequest, Choice, Controlled, Controller, EvaluationResult, Fixed, FrameRecord,
+    PathRecord, Policy, Pose, PowerBudget, ResolvedBudget, RunResult,
 };
+use crate::default_settings::default_settings;
 
-/// One budget on one path.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Judged {
-    /// The requested limits, in words.
-    pub asked: String,
-    /// The limits in absolute terms.
-    pub budget: ResolvedBudget,
-    /// Every run, the frugal run first.
-    pub runs: Vec<RunResult>,
-    /// Share of the difference between the best constant and the oracle that the frugal run gains:
-    /// of error under a power budget, of power under an error budget. `None` where the difference
-    /// is negligible, or one of the three exceeds the budget.
-    pub gap_closed: Option<f64>,
-    /// Baselines with no more information than the frugal run that dominate it, with 95 %
-    /// confidence.
-    pub dominated_by: Vec<String>,
+/// Extent of the comparison.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Baselines {
+    /// Constants, oracles, the reactive ladder, presets, resolution
+    All,
+    /// Presets, resolution, and the constant by training cameras
+    Quick,
+    /// None: the frugal run alone
+    None,
 }
 
+/// Name of the run of the best constant settings by the training cameras.
+pub(super) const TRAINED: &str = "trained-constant";
+/// Name of the knob that `resolution-only` sets.
+const RESOLUTION_KNOB: &str = "resolution_scale";
+
 /// Baselines that have no more information about the path than the frugal run.
-const FAIR: [&str; 4] = [ELSEWHERE, "reactive", "default", "resolution-only"];
+const FAIR: [&str; 4] = [TRAINED, "reactive", "default", "resolution-only"];
 
 /// Play that counts, and before that, seconds.
 const PLAYED_SECONDS: f64 = 1200.0;
@@ -43,123 +40,186 @@ const METER_FRAMES: f64 = 5.0;
 /// Frame rate at which the meter's cost is spread, hertz. Recorded paths have fewer frames a second.
 const METER_FPS: f64 = 60.0;
 /// Most walks along a path in that time.
-const MOST_WALKS: f64 = 400.0;
+const MAX_WALKS: f64 = 400.0;
 
-/// Settings to record for all runs: those of the map, the presets, and those with only the
-/// resolution or the share of GI pixels lowered.
-pub(crate) fn settings_to_record(map: &FrontierMap) -> Vec<KnobLevels> {
+/// Settings to record for a comparison: the ends and those of the map, the presets and those with
+/// only the resolution lowered, the default and those with only the share of GI pixels lowered.
+pub(crate) fn settings_to_record(map: &FrontierMap, baselines: Baselines) -> Vec<KnobLevels> {
     let space = &map.knobs;
-    let mut all = vec![space.highest(), space.lowest(), default_settings(space)];
-    all.extend([2.0 / 3.0, 1.0 / 3.0].map(|share| space.preset(share)));
-    all.extend(resolutions(space));
-    all.extend(hand_written(space));
+    let mut all = vec![space.highest(), space.lowest()];
+    if baselines != Baselines::None {
+        all.extend([2.0 / 3.0, 1.0 / 3.0].map(|share| space.preset(share)));
+        all.extend(levels_of(space, RESOLUTION_KNOB));
+    }
+    if baselines == Baselines::All {
+        all.push(default_settings(space));
+        all.extend(levels_of(space, "gi_pixel_fraction"));
+    }
     all.extend(map.settings());
     space.canonical_once(all)
 }
 
-/// Hand-written constants: all knobs at their best, indirect light gathered at fewer pixels.
-fn hand_written(space: &KnobSpace) -> Vec<KnobLevels> {
-    let Some(knob) = space.index_of("gi_pixel_fraction") else { return Vec::new() };
-    (0..space.knobs()[knob].levels.len())
-        .map(|level| space.highest().with_level(knob, level))
-        .collect()
-}
-
-fn resolutions(space: &KnobSpace) -> Vec<KnobLevels> {
-    let Some(knob) = space.index_of(RESOLUTION_KNOB) else { return Vec::new() };
+/// All knobs at their best but the one called `name`, at each of its levels.
+fn levels_of(space: &KnobSpace, name: &str) -> Vec<KnobLevels> {
+    let Some(knob) = space.index_of(name) else { return Vec::new() };
     (0..space.knobs()[knob].levels.len())
         .map(|level| space.canonical(space.highest().with_level(knob, level)))
         .collect()
 }
 
-/// Simulates all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`:
-/// time constants of the temporal filter, for the frugal run and the filtered oracle.
-pub(crate) fn judge(
-    record: &PathRecord,
-    map: &FrontierMap,
-    lens: (f32, f32),
-    request: &BudgetRequest,
-    control: ControlSettings,
-) -> Judged {
-    let space = &record.space;
-    let fixed = |settings: KnobLevels| record.simulate(&mut Fixed(settings));
-    let mean = |settings: KnobLevels| {
-        let column = record.table.column(space.canonical(settings));
-        column
-            .and_then(|column| record.table.mean(column, 0..record.table.rows()))
-            .unwrap_or(CostPoint::new(f64::NAN, f64::NAN))
-    };
-    let (lowest, highest) = (mean(space.lowest()), mean(space.highest()));
-    let budget = request.resolve(lowest.power, highest.power);
-
-    let mut runs: Vec<(&str, Vec<FrameRecord>, Option<String>)> = vec![
-        ("frugal", record.simulate(&mut Controller::new(map, &budget, lens, control)), None),
-        ("maximum", fixed(space.highest()), None),
-        ("max-mid", fixed(space.preset(2.0 / 3.0)), None),
-        ("mid-min", fixed(space.preset(1.0 / 3.0)), None),
-        ("minimum", fixed(space.lowest()), None),
-    ];
-    if budget.error.is_some() {
-        let controller = Controller::new(map, &budget, lens, control);
-        let note = "twenty minutes after twenty others, with an error meter and its power";
-        runs.push((
-            "frugal-measured",
-            measured(record, controller, highest.power),
-            Some(note.to_owned()),
-        ));
-    }
-    let scaled = resolutions(space);
-    let scaled = record.table.with_columns(|settings| scaled.contains(&settings));
-    if let Some((settings, _)) = best_constant(&scaled, &budget) {
-        runs.push(("resolution-only", fixed(settings), None));
-    }
-    runs.push(("default", fixed(default_settings(space)), None));
-    if let Some((settings, _)) = best_constant(&record.table, &budget) {
-        runs.push(("best-constant", fixed(settings), Some("tuned on this path".to_owned())));
-    }
-    if let Some(settings) = best_on(&map.shared, &budget) {
-        runs.push((ELSEWHERE, fixed(settings), Some("tuned on the training cameras".to_owned())));
-    }
-    let (plain, filtered) = oracles(record, &budget, control);
-    runs.push((
-        "oracle",
-        record.simulate(&mut plain.clone()),
-        Some("knows every frame in advance".to_owned()),
-    ));
-    runs.push((
-        "oracle-filtered",
-        filtered,
-        Some("the same through the temporal filter".to_owned()),
-    ));
-    runs.push(("reactive", record.simulate(&mut Reactive::new(ladder(&map.shared), budget)), None));
-
-    let fps = record.path.fps();
-    let ours = runs[0].1.clone();
-    let dominated_by = runs.iter().filter(|(name, ..)| FAIR.contains(name));
-    let dominated_by = dominated_by
-        .filter(|(_, series, _)| dominates(series, &ours, fps))
-        .map(|(name, ..)| (*name).to_owned())
-        .collect();
-    let runs: Vec<RunResult> = runs
-        .into_iter()
-        .map(|(name, series, note)| RunResult {
-            note,
-            ..RunResult::new(name, series, &budget, space).with_windows(&budget, fps)
-        })
-        .collect();
-    let gap_closed = gap(&runs, &budget);
-    Judged { asked: request.to_string(), budget, runs, gap_closed, dominated_by }
+/// What is compared, and under which conditions.
+#[derive(Clone, Copy)]
+pub(crate) struct Trial<'a> {
+    /// The scene's name, for the result.
+    pub scene: &'a str,
+    /// Costs along the path.
+    pub record: &'a PathRecord,
+    /// The map.
+    pub map: &'a FrontierMap,
+    /// Vertical field of view in radians, and width ÷ height.
+    pub lens: (f32, f32),
+    /// Width and height of the images, pixels.
+    pub size: [u32; 2],
+    /// The meter.
+    pub meter: &'a MeterInfo,
+    /// Time constants of the temporal filter, for the frugal run and the filtered oracle.
+    pub control: ControlSettings,
+    /// What to compare with.
+    pub baselines: Baselines,
 }
+
+impl<'a> Trial<'a> {
+    /// The controller under a budget.
+    pub(crate) fn controller(&self, budget: &ResolvedBudget) -> Controller<'a> {
+        Controller::new(self.map, budget, self.lens, self.control)
+    }
+
+    /// Simulates all runs under a budget.
+    pub(crate) fn judge(&self, request: &BudgetRequest) -> EvaluationResult {
+        let (record, path) = (self.record, &self.record.path);
+        let [lowest, highest] = [record.space.lowest(), record.space.highest()]
+            .map(|settings| self.mean(settings).power);
+        let budget = request.resolve(lowest, highest);
+        let mut warnings = vec![
+            "runs are simulated from a record of the path: settings in transitions of the filter are interpolated".to_owned(),
+        ];
+        if highest <= lowest {
+            let meaning = if matches!(request.power, Some(PowerBudget::Share(_))) {
+                ", so a percentage between them is undefined"
+            } else {
+                ""
+            };
+            warnings.push(format!("the highest settings took no more power ({:.3} W) than the lowest ({:.3} W){meaning}", highest.0, lowest.0));
+        }
+        let mut runs = vec![("frugal", record.simulate(&mut self.controller(&budget)), None)];
+        if self.baselines != Baselines::None {
+            if record.space.index_of(RESOLUTION_KNOB).is_none() {
+                warnings.push(format!(
+                    "the run resolution-only is missing: this scene's knobs lack `{RESOLUTION_KNOB}`"
+                ));
+            }
+            runs.extend(self.baselines(&budget, highest));
+        }
+        let is_all = self.baselines == Baselines::All;
+        let (fps, ours) = (path.fps(), &runs[0].1);
+        let fair = runs.iter().filter(|(name, ..)| is_all && FAIR.contains(name));
+        let dominated_by = fair
+            .filter(|(_, series, _)| dominates(series, ours, fps))
+            .map(|(name, ..)| (*name).to_owned())
+            .collect();
+        let result = |(name, series, note): Run| RunResult {
+            note,
+            ..RunResult::new(name, series, &budget, &record.space).with_windows(&budget, fps)
+        };
+        let runs: Vec<RunResult> = runs.into_iter().map(result).collect();
+        EvaluationResult {
+            scene: self.scene.to_owned(),
+            path: path.name().to_owned(),
+            frames: path.poses().len(),
+            fps,
+            size: self.size,
+            meter: self.meter.clone(),
+            budget,
+            asked: request.to_string(),
+            gap_closed: gap(&runs, &budget),
+            runs,
+            drift: Default::default(),
+            warnings,
+            dominated_by,
+            spot_check: None,
+        }
+    }
+
+    /// Mean cost of settings along the path.
+    fn mean(&self, settings: KnobLevels) -> CostPoint {
+        let table = &self.record.table;
+        let column = table.column(self.record.space.canonical(settings));
+        column
+            .and_then(|column| table.mean(column, 0..table.rows()))
+            .unwrap_or(CostPoint::new(f64::NAN, f64::NAN))
+    }
+
+    /// `best`: power of the best settings.
+    fn baselines(&self, budget: &ResolvedBudget, best: Watts) -> Vec<Run> {
+        let (record, space) = (self.record, &self.record.space);
+        let fixed = |settings: KnobLevels| record.simulate(&mut Fixed(settings));
+        let note = |text: &str| Some(text.to_owned());
+        let is_all = self.baselines == Baselines::All;
+        let mut runs = vec![
+            ("maximum", fixed(space.highest()), None),
+            ("max-mid", fixed(space.preset(2.0 / 3.0)), None),
+            ("mid-min", fixed(space.preset(1.0 / 3.0)), None),
+            ("minimum", fixed(space.lowest()), None),
+        ];
+        if is_all && budget.error.is_some() {
+            let series = measured(record, self.controller(budget), best);
+            runs.push((
+                "frugal-measured",
+                series,
+                note("error meter on, its power included; mean of minutes 20 to 40"),
+            ));
+        }
+        let scaled = levels_of(space, RESOLUTION_KNOB);
+        let scaled = record.table.with_columns(|settings| scaled.contains(&settings));
+        if let Some((settings, cost)) = best_constant(&scaled, budget) {
+            let is_met = budget.keeps(cost.power, cost.error);
+            let closest = "no resolution meets the budget: this is the closest".to_owned();
+            runs.push(("resolution-only", fixed(settings), (!is_met).then_some(closest)));
+        }
+        if is_all {
+            runs.push(("default", fixed(default_settings(space)), None));
+        }
+        if is_all && let Some((settings, _)) = best_constant(&record.table, budget) {
+            runs.push(("best-constant", fixed(settings), note("tuned on this path")));
+        }
+        if let Some(settings) = best_on(&self.map.shared, budget) {
+            runs.push((TRAINED, fixed(settings), note("tuned on the training cameras")));
+        }
+        if is_all {
+            let (mut plain, filtered) = oracles(record, budget, self.control);
+            let reactive = &mut Reactive::new(ladder(&self.map.shared), *budget);
+            runs.push((
+                "oracle",
+                record.simulate(&mut plain),
+                note("knows every frame in advance"),
+            ));
+            runs.push(("oracle-filtered", filtered, note("the same through the temporal filter")));
+            runs.push(("reactive", record.simulate(reactive), None));
+        }
+        runs
+    }
+}
+
+/// Name, frames and remark of a run.
+type Run = (&'static str, Vec<FrameRecord>, Option<String>);
 
 /// The mean of some walks along the path and back after as many others, with an error meter. A
 /// single walk's mean is off by what the next one makes good. A walk goes on where the last one
-/// ended: from the end of a path straight to its start was 13 m in a frame of 0.1 s, which is no cut
-/// but fast motion, and each start was played with the settings of the end. `best`: power of the
-/// best settings.
+/// ended. `best`: power of the best settings.
 fn measured(record: &PathRecord, controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
     let mut controller = controller.measuring();
     let seconds = 2.0 * record.path.poses().len() as f64 / record.path.fps();
-    let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MOST_WALKS);
+    let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MAX_WALKS);
     for _ in 0..walks as u32 {
         record.simulate_return(&mut controller);
     }
@@ -226,3 +286,7 @@ fn gap(runs: &[RunResult], budget: &ResolvedBudget) -> Option<f64> {
     let least = if budget.power_w.is_some() { 1e-4 } else { 1e-3 * constant };
     (constant - oracle > least).then(|| (constant - ours) / (constant - oracle))
 }
+
+#[cfg(test)]
+#[path = "judge_tests.rs"]
+mod tests;

@@ -7,42 +7,39 @@
 //! |---|---|
 //! | `budget` | `7W`, `60%`, `0.02`: reading budgets, resolving percentages |
 //! | `play` | one run along a path: frame renderer, policy, per-frame records |
-//! | `runner` | rendered runs under one budget: selection, order, reference images |
-//! | `record` | power and error of many settings at every frame of a path; policies are simulated from it without rendering |
-//! | `recording` | makes a record, with several renderers side by side |
-//! | `baselines`, `judge` | the baselines, and the comparison with them |
+//! | `path_costs` | power and error of many settings at every frame of a path; policies are simulated from it without rendering |
+//! | `render_path` | makes such a record, with several renderers side by side |
+//! | `baselines`, `judge` | the baselines, and the comparison with them under one budget |
+//! | `check` | real plays beside the record: errors of simulation, drift, images |
 //! | `controlled` | the plugin's controller as a policy |
 //! | `bootstrap` | statistical significance of differences |
-//! | `recorded` | a record read back, for benchmarks |
-//! | `resolution` | the baseline that scales resolution alone |
+//! | `for_benches` | a record read back, for benchmarks |
 //! | `result` | results, as JSON |
 //! | `table` | results as text, and per-frame CSV |
 pub(crate) mod baselines;
 mod bootstrap;
 mod budget;
+mod check;
 mod controlled;
 #[cfg(test)]
 pub(crate) mod fake;
+mod for_benches;
 mod judge;
+mod path_costs;
 mod play;
-mod record;
-mod recorded;
-mod recording;
-mod resolution;
+mod render_path;
 mod result;
-mod runner;
 mod table;
 
 pub(crate) use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
+pub(crate) use check::{FramePicture, pictures, play_for_real};
 pub(crate) use controlled::Controller;
-pub(crate) use judge::{Judged, judge, settings_to_record};
+pub use for_benches::{ReactiveLadder, RecordedPath};
+pub(crate) use judge::{Baselines, Trial, settings_to_record};
+pub(crate) use path_costs::{PathRecord, RecordError};
 pub(crate) use play::{
-    Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose, Progress,
-    RenderedFrame,
+    Choice, Controlled, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose,
+    Progress, RenderedFrame,
 };
-pub(crate) use record::{PathRecord, RecordError};
-pub use recorded::{ReactiveLadder, RecordedPath};
-pub(crate) use resolution::RESOLUTION_KNOB;
-pub(crate) use result::{Drift, EvaluationResult, RunResult, SpotCheck};
-pub(crate) use runner::{Evaluation, EvaluationError, EvaluationPlan, evaluate};
-pub(crate) use table::{frames_csv, judged_table, table};
+pub(crate) use result::{Drift, EvaluationResult, RunResult};
+pub(crate) use table::{frames_csv, table};

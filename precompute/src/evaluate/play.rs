@@ -6,10 +6,40 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
-use crate::metrics::{Picture, Reference};
+use crate::metrics::{CompareError, Picture, Reference};
 use crate::scene::CameraPath;
 
-use super::EvaluationError;
+/// Why an evaluation failed. `E` is the [`FrameRenderer`]'s error.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub(crate) enum EvaluationError<E> {
+    /// Rendering or metering failed.
+    #[error("{0}")]
+    FrameRenderer(E),
+    /// A frame's image cannot be compared with its reference.
+    #[error("run `{run}`, frame {frame}: {source}")]
+    Compare {
+        /// The run.
+        run: String,
+        /// The frame's number.
+        frame: usize,
+        /// Why.
+        source: CompareError,
+    },
+    /// A power that is negative or not finite.
+    #[error("run `{run}`, frame {frame}: the meter gave {watts} W")]
+    BadPower {
+        /// The run.
+        run: String,
+        /// The frame's number.
+        frame: usize,
+        /// The reading.
+        watts: f64,
+    },
+    /// Stopped from outside.
+    #[error("interrupted")]
+    Interrupted,
+}
 
 /// A camera's pose.
 pub(crate) type Pose = crate::scene::CameraPose;
@@ -197,7 +227,7 @@ pub(crate) struct Progress<'a> {
     pub run: &'a str,
     /// Frames of all runs played so far, this one included.
     pub frames_done: usize,
-    /// Frames of all runs. An upper bound: the search for the resolution may end early.
+    /// Frames of all runs.
     pub frames_total: usize,
 }
 
@@ -224,15 +254,13 @@ pub(super) enum Against<'a> {
     Compare(&'a [Reference]),
 }
 
-/// Plays all of `path`; `keep` receives every image. `on_frame` is called after every frame and can
-/// stop the run.
+/// Plays all of `path`. `on_frame` is called after every frame and can stop the run.
 pub(super) fn play<P: FrameRenderer>(
     renderer: &mut P,
     path: &PathPlan,
     name: &str,
     policy: &mut dyn Policy,
     mut against: Against<'_>,
-    keep: &mut dyn FnMut(usize, Picture),
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
     let dt = path.fps.recip();
@@ -269,7 +297,6 @@ pub(super) fn play<P: FrameRenderer>(
             error,
             predicted: choice.predicted,
         });
-        keep(frame, rendered.picture);
         if on_frame().is_break() {
             return Err(EvaluationError::Interrupted);
         }

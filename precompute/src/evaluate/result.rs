@@ -3,10 +3,17 @@
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::judge::TRAINED;
 use super::{FrameRecord, ResolvedBudget};
 use crate::quantile::quantile;
+
+/// Relative change of the best settings' mean power from which drift is reported.
+const NOTABLE_DRIFT: f64 = 0.05;
+/// Mean error between two runs at the same settings from which noise is reported. Half the smallest
+/// error step that subdivision considers.
+const NOTABLE_NOISE: f64 = 0.001;
 
 /// Power and error of every run along one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,21 +35,21 @@ pub(crate) struct EvaluationResult {
     pub budget: ResolvedBudget,
     /// The requested limits, in words.
     pub asked: String,
-    /// Every run: the controller's first, then the baselines.
+    /// Every run, simulated from a record of the path: the controller's first, then the baselines.
     pub runs: Vec<RunResult>,
-    /// Drift of the machine during the evaluation.
+    /// Drift of the machine during the real play; 0 without one.
     pub drift: Drift,
     /// Warnings that qualify the figures.
     pub warnings: Vec<String>,
-    /// For runs simulated from a record: share of the difference between the best constant and the
-    /// oracle that the frugal run gains.
+    /// Share of the difference between the best constant and the oracle that the frugal run gains: of
+    /// error under a power budget, of power under an error budget. `None` without these runs, where
+    /// the difference is negligible, or one of the three exceeds the budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap_closed: Option<f64>,
-    /// For runs simulated from a record: baselines with no more information than the frugal run
-    /// that dominate it, with 95 % confidence.
+    /// Baselines with no more information than the frugal run that dominate it, with 95 % confidence.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dominated_by: Vec<String>,
-    /// For runs simulated from a record: a rendered frugal run, for comparison.
+    /// A rendered frugal run, for comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spot_check: Option<SpotCheck>,
 }
@@ -65,6 +72,7 @@ pub(crate) struct SpotCheck {
 pub(crate) struct RunResult {
     /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum`, `resolution-only` or the name of
     /// another [baseline](super::baselines).
+    #[serde(deserialize_with = "current_name")]
     pub name: String,
     /// Mean over the frames.
     pub mean_power_w: Watts,
@@ -96,7 +104,8 @@ pub(crate) struct RunResult {
     pub series: Vec<FrameRecord>,
 }
 
-/// The maximum run, repeated after all others: any change is drift of the machine.
+/// The best settings played for real before and after the frugal run: any change is drift of the
+/// machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Drift {
     /// Mean power of the first maximum run.
@@ -125,14 +134,23 @@ impl Drift {
     }
 }
 
-impl SpotCheck {
-    /// Compares a rendered run, which is not empty, with the simulated one.
-    pub(crate) fn new(real: &[FrameRecord], recorded: &RunResult) -> Self {
-        Self {
+impl EvaluationResult {
+    /// Adds a rendered frugal run, which is not empty, and the drift around it.
+    pub(crate) fn add_check(&mut self, real: &[FrameRecord], drift: Drift) {
+        self.spot_check = self.runs.first().map(|recorded| SpotCheck {
             mean_power_w: mean_power(real),
             mean_error: mean_error(real),
             recorded_mean_power_w: recorded.mean_power_w,
             recorded_mean_error: recorded.mean_error,
+        });
+        self.drift = drift;
+        if drift.relative.abs() > NOTABLE_DRIFT {
+            let percent = 100.0 * drift.relative;
+            self.warnings.push(format!("the same settings took {percent:+.1}% power at the end: smaller differences between runs are the machine's drift"));
+        }
+        if drift.repeat_mean_error > NOTABLE_NOISE {
+            let error = drift.repeat_mean_error;
+            self.warnings.push(format!("the same settings rendered twice differ by an error of {error:.4}: smaller errors are noise"));
         }
     }
 }
@@ -206,6 +224,12 @@ fn max_error(series: &[FrameRecord]) -> f64 {
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len().max(1) as f64;
     values.sum::<f64>() / count
+}
+
+/// `trained-constant` was called `best-constant-elsewhere`.
+fn current_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    Ok(if name == "best-constant-elsewhere" { TRAINED.to_owned() } else { name })
 }
 
 /// Whole frame rates are written as integers: `30`.

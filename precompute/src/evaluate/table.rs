@@ -6,7 +6,7 @@ use std::io;
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::Provenance;
 
-use super::{EvaluationResult, Judged};
+use super::EvaluationResult;
 
 const HEADERS: [&str; 8] =
     ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
@@ -64,13 +64,39 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
     for row in &rows {
         text.push_str(&line(&|column| row[column].clone()));
     }
-    let drift = &result.drift;
-    let _ = writeln!(
-        text,
-        "\nThe maximum played again at the end: {:+.1}% power, mean error {:.4} against itself.",
-        100.0 * drift.relative,
-        drift.repeat_mean_error
-    );
+    text.push('\n');
+    if let Some(check) = &result.spot_check {
+        let _ = writeln!(
+            text,
+            "The frugal run rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}.",
+            check.mean_power_w.0,
+            check.mean_error,
+            check.recorded_mean_power_w.0,
+            check.recorded_mean_error
+        );
+        let _ = writeln!(
+            text,
+            "The maximum played again after it: {:+.1}% power, mean error {:.4} against itself.",
+            100.0 * result.drift.relative,
+            result.drift.repeat_mean_error
+        );
+    }
+    if let Some(gap) = result.gap_closed {
+        let _ = writeln!(
+            text,
+            "The frugal run closes {:.0} % of the gap from the best constant to the oracle.",
+            100.0 * gap
+        );
+    }
+    if !result.dominated_by.is_empty() {
+        let _ =
+            writeln!(text, "The frugal run is dominated by {}.", result.dominated_by.join(", "));
+    }
+    if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
+        let percent = 100.0 * share;
+        let _ =
+            writeln!(text, "The frugal run is over the power budget in {percent:.1} % of seconds.");
+    }
     for run in &result.runs {
         if let Some(note) = &run.note {
             let _ = writeln!(text, "{}: {note}.", run.name);
@@ -78,37 +104,6 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
     }
     for warning in &result.warnings {
         let _ = writeln!(text, "warning: {warning}");
-    }
-    text
-}
-
-/// Several budgets on one path in a few lines each: mean power and mean error of the frugal run and
-/// the baselines.
-pub(crate) fn judged_table(all: &[Judged]) -> String {
-    let mut text = String::new();
-    for judged in all {
-        let limit = match (judged.budget.power_w, judged.budget.error) {
-            (Some(power), _) => format!(" ({:.3} W)", power.0),
-            _ => String::new(),
-        };
-        let gap = judged
-            .gap_closed
-            .map_or("no gap".to_owned(), |gap| format!("{:.0} % of the gap closed", 100.0 * gap));
-        let _ = writeln!(text, "{}{limit}: {gap}", judged.asked);
-        for run in &judged.runs {
-            let over = run.windows_over.map_or(String::new(), |share| {
-                format!("  {:4.1} % of seconds over", 100.0 * share)
-            });
-            let met = if run.met { "" } else { "  not met" };
-            let _ = writeln!(
-                text,
-                "  {:24} {:8.3} W  {:.4}  {:3} switches{over}{met}",
-                run.name, run.mean_power_w.0, run.mean_error, run.switches
-            );
-        }
-        if !judged.dominated_by.is_empty() {
-            let _ = writeln!(text, "  frugal is dominated by {}", judged.dominated_by.join(", "));
-        }
     }
     text
 }
@@ -158,29 +153,14 @@ pub(crate) fn frames_csv(
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
     use super::*;
-    use crate::evaluate::fake::{Fake, meter, path, space};
-    use crate::evaluate::{BudgetRequest, EvaluationPlan, Fixed, PowerBudget, evaluate};
+    use crate::evaluate::fake::{judged, space};
 
     fn result() -> EvaluationResult {
-        let (space, path) = (space(), path());
-        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.1)), error: None };
-        let plan = EvaluationPlan {
-            scene: "court.scene.ron",
-            space: &space,
-            path: &path,
-            meter: meter(),
-            budget,
-            trained: None,
-            keep_frames: &[],
-        };
-        evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| {
-            ControlFlow::Continue(())
-        })
-        .unwrap()
-        .result
+        let mut result = judged(Some("10%"), None);
+        let real = result.runs[0].series.clone();
+        result.add_check(&real, Default::default());
+        result
     }
 
     #[test]
@@ -194,13 +174,14 @@ mod tests {
         assert!(lines[0].contains("power at most 10% (power 1.329 W)"), "{text}");
         let ends = |line: &str| line.find("error").map(|at| at + "error".len());
         assert_eq!(lines[2].len(), lines[3].len());
-        assert_eq!(ends(lines[2]), Some("resolution-only  mean W  median W  mean error".len()));
+        assert_eq!(ends(lines[2]), Some("trained-constant  mean W  median W  mean error".len()));
         assert_eq!(
-            lines[4..10].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
-            [8; 6]
+            lines[4..11].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
+            [8; 7]
         );
-        assert!(lines[4].starts_with("frugal            1.009     1.009"), "{text}");
+        assert!(lines[4].starts_with("frugal             1.209     1.209"), "{text}");
         assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");
+        assert!(text.contains("simulated from the record: 1.2"), "{text}");
         assert!(lines.iter().all(|line| line.trim_end() == *line));
     }
 
@@ -210,11 +191,10 @@ mod tests {
         frames_csv(&result(), &space(), &mut bytes).unwrap();
         let mut reader = csv::Reader::from_reader(&bytes[..]);
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
-        assert_eq!(rows.len(), 60);
-        assert_eq!(
-            (&rows[0][0], &rows[0][8]),
-            ("frugal", "gi_vpl_count=0,resolution_scale=50%,antialiasing=off")
-        );
-        assert_eq!(&rows[0][5], "", "a fixed policy predicts nothing");
+        assert_eq!(rows.len(), 70);
+        let of = |run: &str| rows.iter().find(|row| &row[0] == run).expect("a row");
+        assert_eq!(&of("minimum")[8], "gi_vpl_count=0,resolution_scale=50%,antialiasing=off");
+        assert_eq!(&of("minimum")[5], "", "a fixed policy predicts nothing");
+        assert_ne!(&of("frugal")[5], "");
     }
 }

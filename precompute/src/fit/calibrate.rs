@@ -18,11 +18,10 @@ const STEPS: i32 = 40;
 pub(super) const QUANTILE: f64 = 1.2816;
 
 /// Standard deviation of what a camera's error differs from its prediction, as a part of a mean error,
-/// before any is known. On paths through two levels cameras differed by 0.17 to 0.4. Higher values leave a
-/// larger margin where cameras are few.
+/// before any is known. Higher values leave a larger margin where cameras are few.
 const USUAL_SPREAD: f64 = 0.3;
-/// The number of cameras' differences that it counts as. Two cameras that happen to differ alike say little
-/// of the spread: a budget was exceeded by 42 %. Of thirty it changes the margin by a fortieth.
+/// The number of cameras' differences that it counts as: two cameras that happen to differ alike say
+/// little of the spread.
 const USUAL_COUNT: f64 = 2.0;
 
 /// One calibration camera: its frontier by the map, and the rendered error of each of the
@@ -46,15 +45,6 @@ pub(crate) struct Calibration<'a> {
 /// Lei, Malik, Jordan 2021, "Distribution-free, risk-controlling prediction sets", with the bound of
 /// the central limit theorem). Between two rates of a grid target and bound are interpolated: the
 /// controller lets two settings take turns.
-///
-/// Rejected:
-/// - Conformal risk control (Angelopoulos et al. 2022), whose margin is a bound on the loss, divided
-///   by the number of cameras, whatever their spread. With a bound of four budgets a quarter of the
-///   error stayed unspent on the courtyard's tour from 0.015 on, and with one of two budgets the
-///   budget of 0.005 was exceeded by 3 and 14 %.
-/// - The bound of errors themselves, as of independent cameras. Where one frontier serves all views
-///   it is the spread of the views, which the track's order explains. In an arena it left half of
-///   each budget unspent.
 pub(crate) fn calibrate(
     cameras: &[Calibration<'_>],
     uncertainty: &dyn Fn(f64) -> f64,

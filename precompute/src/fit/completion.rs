@@ -1,16 +1,12 @@
 //! Errors of settings that a camera has not rendered, from those that it has.
 //!
-//! What makes one setting's error high at a view makes others' high, too: over the frames of two
-//! levels' paths, six of 24 settings predicted the other eighteen to within a factor of 1.2 and 1.3
-//! (standard deviation), where the settings' means were off by 1.4 and 1.7. So a few cameras render
+//! What makes one setting's error high at a view makes others' high, too. So a few cameras render
 //! every setting of the pool, and all others only the *anchors*, a quarter of the pool.
 //!
 //! The logarithms of errors are taken as normally distributed over cameras. Few cameras say little of
 //! their covariance, so it is averaged with a prior: settings whose levels are alike have errors that go
 //! together (shrinkage towards a structured target; Ledoit, Wolf 2004, "A well-conditioned estimator
-//! for large-dimensional covariance matrices"). Of 32 settings at cameras of a court, six anchors
-//! predicted the others to 0.29, 0.27, 0.22 and 0.20 of the logarithm from 3, 4, 6 and 20 full cameras,
-//! and to 0.26 and 0.21 from 6 and 20 without the prior. Anchors are those with
+//! for large-dimensional covariance matrices"). Anchors are those with
 //! the least remaining variance of all settings, chosen one by one (pivoted Cholesky factorisation;
 //! Harbrecht, Peters, Schneider 2012, "On the low-rank approximation by the pivoted Cholesky
 //! decomposition"), and the others their conditional mean. Where every camera has the anchors, and
@@ -24,11 +20,10 @@ use crate::pool::LEAST_ERROR;
 use crate::table::CostTable;
 
 /// Variance of a logarithm that other settings do not explain: noise of a rendering. Higher values
-/// rely more on means, which few cameras need; with 24 cameras the bias of a setting's mean was least.
+/// rely more on means, which few cameras need.
 const NOISE: f64 = 0.02;
 
-/// Number of cameras that the prior covariance counts as. Higher values rely more on settings' levels;
-/// 3 to 12 are as good.
+/// Number of cameras that the prior covariance counts as. Higher values rely more on settings' levels.
 const PRIOR_ROWS: f64 = 6.0;
 /// Squared difference of levels, summed over knobs as shares of each knob's range, at which the prior
 /// correlation is e^−½.

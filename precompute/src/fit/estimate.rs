@@ -7,7 +7,7 @@ use bevy_frugal_gi::frontier::{
 };
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use super::regression::{Regression, Seen};
+use super::regression::{DescribedView, Regression};
 use super::smooth::{Smoother, Viewpoint};
 use crate::cameras::MovingCamera;
 use crate::table::CostTable;
@@ -25,7 +25,7 @@ pub(crate) struct Training {
     on_track: Vec<usize>,
     /// What the views show, of the cameras and of the unrendered views after them; empty without
     /// unrendered views.
-    seen: Vec<Seen>,
+    seen: Vec<DescribedView>,
 }
 
 impl Training {
@@ -62,7 +62,11 @@ impl Training {
 
     /// Adds views that no camera has rendered, with predicted costs; `cameras`: what the cameras
     /// see. Without enough cameras, nothing is added.
-    pub(crate) fn with_unrendered(mut self, cameras: Vec<Seen>, unrendered: Vec<Seen>) -> Self {
+    pub(crate) fn with_unrendered(
+        mut self,
+        cameras: Vec<DescribedView>,
+        unrendered: Vec<DescribedView>,
+    ) -> Self {
         if cameras.len() == self.groups.len() {
             self.seen = cameras;
             self.seen.extend(unrendered);

@@ -3,9 +3,7 @@
 //! A track has cameras every few steps, and error budgets are calibrated on it. Elsewhere errors are
 //! predicted over metres. There a budget selects the settings whose errors are underestimated most
 //! (Smith and Winkler 2006, "The optimizer's curse"), which are those that err seldom and then badly:
-//! coarse visibility, say, that leaks light in one passage. On a path that no camera came from,
-//! predictions without a margin exceeded each of seven error budgets, by 5 to 36 %. So away from the
-//! tracks each setting's error is multiplied by what held-out cameras there say of it: the ratio of
+//! coarse visibility, say, that leaks light in one passage. So away from the tracks each setting's error is multiplied by what held-out cameras there say of it: the ratio of
 //! measured to predicted errors, plus what the mean along a path may exceed it by.
 
 use bevy_frugal_gi::frontier::CostPoint;
@@ -18,8 +16,7 @@ use super::smooth::{Smoother, Viewpoint};
 /// away from them.
 const FAMILIAR: f64 = 0.5;
 /// Number of views of a path whose errors differ from their predictions independently of each other:
-/// neighbouring views go wrong together. Lower values give a larger margin. By one unseen path, whose
-/// mean was a fifth above its prediction.
+/// neighbouring views go wrong together. Lower values give a larger margin.
 const INDEPENDENT_VIEWS: f64 = 4.0;
 /// Greatest factor: a larger ratio has other causes than distance.
 const MOST: f64 = 3.0;

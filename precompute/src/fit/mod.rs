@@ -23,6 +23,6 @@ pub(crate) use calibrate::{Calibration, calibrate};
 pub(crate) use completion::Completion;
 pub(crate) use estimate::Training;
 pub(crate) use octree::{FitConfig, FitReport, Fitted, fit};
-pub(crate) use regression::Seen;
+pub(crate) use regression::DescribedView;
 pub(crate) use smooth::Smoother;
 pub(crate) use validate::Losses;

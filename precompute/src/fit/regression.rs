@@ -2,10 +2,10 @@
 //! (Rasmussen and Williams 2006, "Gaussian processes for machine learning", chapter 2).
 //!
 //! Views are alike where they show alike things ([view features](crate::view_features)), and where
-//! they are near each other. Logarithms of errors are predicted, with their uncertainty. On a level
-//! kept apart from the tuning see `docs/results-over-time.md`.
+//! they are near each other. Logarithms of errors are predicted, with their uncertainty.
 
 use super::smooth::Viewpoint;
+use crate::linalg::{cholesky, dot, inverse};
 use crate::pool::LEAST_ERROR;
 use crate::view_features::ViewFeatures;
 
@@ -19,7 +19,7 @@ const NOISE: f64 = 0.1;
 
 /// Where a view is, and what it shows.
 #[derive(Clone, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct DescribedView {
     /// Its position and direction.
     pub viewpoint: Viewpoint,
     /// Its features.
@@ -29,7 +29,7 @@ pub(crate) struct Seen {
 /// Predicts errors at views from errors at others.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
-    views: Vec<Seen>,
+    views: Vec<DescribedView>,
     /// Mean and standard deviation of each feature.
     scale: Vec<(f64, f64)>,
     /// Mean logarithm of each setting's error.
@@ -45,7 +45,7 @@ pub(super) struct Regression {
 impl Regression {
     /// From `errors` by view, then by setting. `None` for fewer than eight views, which say too
     /// little, or for views with different numbers of features.
-    pub(super) fn fit(views: Vec<Seen>, errors: &[Vec<f64>]) -> Option<Self> {
+    pub(super) fn fit(views: Vec<DescribedView>, errors: &[Vec<f64>]) -> Option<Self> {
         let (count, features) = (views.len(), views.first()?.features.len());
         if count < 8
             || errors.len() != count
@@ -71,14 +71,15 @@ impl Regression {
             inverse: Vec::new(),
             variances: Vec::new(),
         };
-        let views: Vec<Seen> = views.into_iter().map(|view| regression.scaled(view)).collect();
+        let views: Vec<DescribedView> =
+            views.into_iter().map(|view| regression.scaled(view)).collect();
         let covariance: Vec<Vec<f64>> = (0..count)
             .map(|a| {
                 let noise = |b: usize| if a == b { NOISE } else { 0.0 };
                 (0..count).map(|b| covariance(&views[a], &views[b]) + noise(b)).collect()
             })
             .collect();
-        regression.inverse = inverse(covariance)?;
+        regression.inverse = inverse(&cholesky(&covariance)?);
         regression.views = views;
         for setting in 0..errors.first().map_or(0, Vec::len) {
             let logarithms: Vec<f64> =
@@ -100,7 +101,7 @@ impl Regression {
         Some(regression)
     }
 
-    fn scaled(&self, mut view: Seen) -> Seen {
+    fn scaled(&self, mut view: DescribedView) -> DescribedView {
         for (value, (mean, deviation)) in view.features.iter_mut().zip(&self.scale) {
             *value = (*value - mean) / deviation;
         }
@@ -108,7 +109,7 @@ impl Regression {
     }
 
     /// Expected errors of all settings at a view: arithmetic means, as budgets need them.
-    pub(super) fn errors(&self, view: &Seen) -> Vec<f64> {
+    pub(super) fn errors(&self, view: &DescribedView) -> Vec<f64> {
         let view = self.scaled(view.clone());
         let to_views: Vec<f64> = self.views.iter().map(|other| covariance(&view, other)).collect();
         let explained: f64 = self
@@ -129,7 +130,7 @@ impl Regression {
 }
 
 /// Covariance of two views' errors, for features of variance 1.
-fn covariance(a: &Seen, b: &Seen) -> f64 {
+fn covariance(a: &DescribedView, b: &DescribedView) -> f64 {
     let count = a.features.len().max(1) as f64;
     let [linear, smooth, local] = VARIANCES;
     let squares: f64 = a.features.iter().zip(&b.features).map(|(a, b)| (a - b).powi(2)).sum();
@@ -137,43 +138,6 @@ fn covariance(a: &Seen, b: &Seen) -> f64 {
     linear * dot(&a.features, &b.features) / count
         + smooth * (-squares / count / 2.0).exp()
         + local * near
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Inverse of a symmetric, positive definite matrix, by its Cholesky factor; `None` for others. At
-/// most some hundred rows: no reason for a library.
-fn inverse(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
-    let count = matrix.len();
-    for row in 0..count {
-        for column in 0..=row {
-            let known = dot(&matrix[row][..column], &matrix[column][..column]);
-            let rest = matrix[row][column] - known;
-            matrix[row][column] = if row == column {
-                if rest.is_nan() || rest <= 0.0 {
-                    return None;
-                }
-                rest.sqrt()
-            } else {
-                rest / matrix[column][column]
-            };
-        }
-    }
-    // Columns of the factor's inverse, then their products.
-    let mut factor = vec![vec![0.0; count]; count];
-    for column in 0..count {
-        factor[column][column] = 1.0 / matrix[column][column];
-        for row in column + 1..count {
-            let known: f64 = (column..row).map(|at| matrix[row][at] * factor[at][column]).sum();
-            factor[row][column] = -known / matrix[row][row];
-        }
-    }
-    let product = |a: usize, b: usize| {
-        (a.max(b)..count).map(|row| factor[row][a] * factor[row][b]).sum::<f64>()
-    };
-    Some((0..count).map(|a| (0..count).map(|b| product(a, b)).collect()).collect())
 }
 
 #[cfg(test)]
@@ -184,20 +148,20 @@ mod tests {
 
     use super::*;
 
-    fn seen(x: f32, features: [f64; 3]) -> Seen {
+    fn seen(x: f32, features: [f64; 3]) -> DescribedView {
         let view = bevy_frugal_gi::frontier::CameraView {
             position: Vec3::X * x,
             rotation: Quat::IDENTITY,
             vertical_fov: 1.0,
             aspect: 1.0,
         };
-        Seen { viewpoint: Viewpoint::from(&view), features: features.to_vec() }
+        DescribedView { viewpoint: Viewpoint::from(&view), features: features.to_vec() }
     }
 
     /// Views far apart from each other, whose errors follow from two of three features.
-    fn views(count: usize, seed: u64) -> (Vec<Seen>, Vec<Vec<f64>>) {
+    fn views(count: usize, seed: u64) -> (Vec<DescribedView>, Vec<Vec<f64>>) {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let views: Vec<Seen> = (0..count)
+        let views: Vec<DescribedView> = (0..count)
             .map(|_| {
                 let mut number = || random.random_range(-1.0..1.0);
                 let features = [number(), number(), number()];
@@ -265,18 +229,5 @@ mod tests {
             assert!((0.0..=2.0).contains(&error), "{odd}: {error}");
         }
         assert!((regression.errors(&seen(0.0, [1.0; 3]))[0] - 0.02).abs() < 1e-3);
-    }
-
-    #[test]
-    fn the_inverse_is_one() {
-        let matrix = vec![vec![4.0, 1.0, 0.5], vec![1.0, 3.0, -0.2], vec![0.5, -0.2, 2.0]];
-        let inverse = inverse(matrix.clone()).expect("positive definite");
-        for (a, row) in matrix.iter().enumerate() {
-            for b in 0..3 {
-                let column: Vec<f64> = inverse.iter().map(|row| row[b]).collect();
-                assert!((dot(row, &column) - f64::from(u8::from(a == b))).abs() < 1e-12);
-            }
-        }
-        assert_eq!(super::inverse(vec![vec![1.0, 2.0], vec![2.0, 1.0]]), None);
     }
 }

@@ -152,13 +152,16 @@ fn cameras_that_lack_a_reading_take_no_part() {
 }
 
 /// What the views show: how hard they are.
-fn seen(scene: &Scene) -> Vec<Seen> {
+fn seen(scene: &Scene) -> Vec<DescribedView> {
     let difficulty = |row: usize| {
         scene.table.get(row, KnobLevels::from_bits(0)).map_or(f64::NAN, |cost| cost.error.ln())
     };
     let views = scene.views.iter().enumerate();
     views
-        .map(|(row, view)| Seen { viewpoint: view.into(), features: vec![difficulty(row)] })
+        .map(|(row, view)| DescribedView {
+            viewpoint: view.into(),
+            features: vec![difficulty(row)],
+        })
         .collect()
 }
 

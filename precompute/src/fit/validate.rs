@@ -14,10 +14,8 @@ const RATES: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 /// Least saving of the best depth that justifies a larger map, as a share of the shared frontier's
 /// loss.
 ///
-/// Rejected: also one standard error. Estimates are shrunk towards the shared one, so a division that
-/// was not needed loses little, while the losses of a few dozen cameras are too uncertain to show
-/// one that is. In an arena it kept one frontier for all views, which closed a quarter of what
-/// divided ones close of the gap between constants and the optimum of every frame.
+/// A standard error is not asked for: estimates are shrunk towards the shared one, so a division that
+/// was not needed loses little, while a few dozen cameras are too few to prove one that is.
 const LEAST_SAVING: f64 = 0.02;
 
 /// Losses at held-out cameras: cost of the selected settings above the optimum, as a share of it.

@@ -142,10 +142,8 @@ fn mean_change(changes: impl Iterator<Item = Change>) -> Option<f64> {
 /// Power at which `frontier` reaches `error`, interpolated linearly in the logarithm of error. The
 /// cheapest settings' power where even those are below `error`; `None` where no settings reach it.
 ///
-/// Rejected: the step function of a controller's selections. Its steps are a tenth of the power and
-/// more, and the least noise of an error decides whether one is taken. Interpolated power moves as
-/// far as the points do, and by no more than the gain of settings that only one of two searches
-/// found. In the logarithm frontiers are nearly straight: halving the error costs about the same
+/// Not the step function of a controller's selections, whose steps the least noise of an error
+/// decides. In the logarithm frontiers are nearly straight: halving the error costs about the same
 /// anywhere.
 fn power_at(frontier: &Frontier, error: f64) -> Option<f64> {
     let points = frontier.points();

@@ -1,50 +1,56 @@
-//! What a journal's file holds, and who has it open.
+//! What a journal's file holds: lines of text, each with a checksum.
 
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::Read as _;
-use std::path::Path;
+use super::JournalHeader;
 
-use super::line::{Checksum, checked};
-use super::{JournalError, JournalHeader, MAGIC};
-use crate::files::FileError;
+/// First word of a journal, with the version of its format: of its lines, and of what is counted in
+/// them.
+pub(super) const MAGIC: &str = "frugal-journal 4";
 
-/// The valid part of a journal.
+/// A hash of `text`: FNV-1a, 64 bits (Fowler, Noll, Vo 1991). It detects accidental damage, not
+/// forgery.
+pub(crate) fn hash(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+/// `text` as a line with its checksum.
+pub(super) fn line(text: &str) -> String {
+    format!("{text} {:016x}\n", hash(text))
+}
+
+/// The text of a line with a valid checksum.
+fn checked(line: &[u8]) -> Option<&str> {
+    let (text, sum) = std::str::from_utf8(line).ok()?.strip_suffix('\n')?.rsplit_once(' ')?;
+    // Compared as text, so that only one spelling of the number passes.
+    (sum == format!("{:016x}", hash(text))).then_some(text)
+}
+
+/// The valid lines of a journal.
 pub(super) struct Contents {
     pub header: JournalHeader,
     pub records: Vec<String>,
-    /// Bytes up to the end of the last valid line.
+    /// Bytes up to the end of the last complete line.
     pub end: usize,
-    pub checksum: Checksum,
-    /// Complete lines after it, which are damaged or follow a damaged one.
+    /// Complete lines that are damaged.
     pub damaged: usize,
 }
 
 impl Contents {
-    /// `None` where the header is invalid.
+    /// `None` where the header is invalid. A torn last line is left out, as are damaged ones.
     pub(super) fn read(bytes: &[u8]) -> Option<Self> {
         let mut lines =
             bytes.split_inclusive(|byte| *byte == b'\n').filter(|line| line.ends_with(b"\n"));
-        let good = |line: &[u8], before: Checksum| {
-            let (text, checksum) =
-                checked(std::str::from_utf8(line).ok()?.strip_suffix('\n')?, before)?;
-            Some((text.to_owned(), checksum))
-        };
         let first = lines.next()?;
-        let (text, checksum) = good(first, Checksum::START)?;
-        let mut contents = Self {
-            header: JournalHeader::read(&text)?,
-            records: Vec::new(),
-            end: first.len(),
-            checksum,
-            damaged: 0,
-        };
+        let header = JournalHeader::read(checked(first)?)?;
+        let mut contents = Self { header, records: Vec::new(), end: first.len(), damaged: 0 };
         for line in lines {
-            let Some((record, checksum)) = good(line, contents.checksum) else { break };
-            contents.records.push(record);
-            contents.checksum = checksum;
             contents.end += line.len();
+            match checked(line) {
+                Some(record) => contents.records.push(record.to_owned()),
+                None => contents.damaged += 1,
+            }
         }
-        contents.damaged = bytes[contents.end..].iter().filter(|byte| **byte == b'\n').count();
         Some(contents)
     }
 
@@ -69,54 +75,18 @@ pub(super) fn is_of_us(bytes: &[u8]) -> bool {
     bytes.starts_with(name.as_bytes())
 }
 
-/// A journal's file that no other process has open, and whether that is known: some file systems
-/// have no locks.
-pub(super) struct Locked {
-    pub file: File,
-    pub bytes: Vec<u8>,
-    pub is_certain: bool,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Locked {
-    /// Opens the file at `path`, which is made where there is none and `options` create it, for an
-    /// `action`.
-    pub(super) fn open(
-        path: &Path,
-        options: &OpenOptions,
-        action: &'static str,
-    ) -> Result<Self, JournalError> {
-        let failed = |action| move |source| FileError::new(action, path, source);
-        let mut tries = 9;
-        loop {
-            let mut file = options.open(path).map_err(failed(action))?;
-            let is_certain = match file.try_lock() {
-                Ok(()) => true,
-                Err(TryLockError::Error(_)) => false,
-                Err(TryLockError::WouldBlock) => {
-                    return Err(JournalError::InUse { path: path.to_owned() });
-                }
-            };
-            // A merge may have put another file in its place before it was locked. Some file systems
-            // number a file anew each time.
-            if tries == 0 || is_at(&file, path) {
-                let mut bytes = Vec::new();
-                file.read_to_end(&mut bytes).map_err(failed("read"))?;
-                return Ok(Self { file, bytes, is_certain });
-            }
-            tries -= 1;
+    #[test]
+    fn any_changed_byte_is_found() {
+        let whole = line("m 1 2 3 0 f 0 0");
+        assert!(checked(whole.as_bytes()).is_some());
+        for index in 0..whole.len() {
+            let mut bytes = whole.as_bytes().to_vec();
+            bytes[index] ^= 1;
+            assert!(checked(&bytes).is_none(), "{index}");
         }
     }
-}
-
-/// Whether `path` still leads to `file`.
-#[cfg(unix)]
-pub(super) fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt as _;
-    let id = |metadata: &std::fs::Metadata| (metadata.dev(), metadata.ino());
-    matches!((file.metadata(), std::fs::metadata(path)), (Ok(ref a), Ok(ref b)) if id(a) == id(b))
-}
-
-#[cfg(not(unix))]
-pub(super) fn is_at(_: &File, _: &Path) -> bool {
-    true
 }

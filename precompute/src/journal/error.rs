@@ -47,12 +47,6 @@ pub(crate) enum JournalError {
         /// The journal.
         path: PathBuf,
     },
-    /// The file system has no locks, so that nobody can tell whether the journal is in use.
-    #[error("the journal `{path}` is on a file system without locks", path = path.display())]
-    NoLocks {
-        /// The journal.
-        path: PathBuf,
-    },
     /// The header cannot be written as text.
     #[error("the journal's header cannot be written: {0}")]
     Header(#[from] serde_json::Error),

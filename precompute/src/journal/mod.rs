@@ -1,38 +1,30 @@
 //! The append-only journal of a run: no rendering is repeated after the run was killed.
 //!
-//! A text file: a header line that identifies scene and conditions, then one record per line. Every
-//! line ends in a checksum over the whole file up to it, which detects torn, changed and missing
-//! lines. A journal is read up to its first invalid line, and truncated there. The pipeline is
-//! deterministic: a resumed run makes the same requests, and the journal answers them up to the
-//! point of interruption.
+//! A text file: a header line that identifies scene and conditions, then one record per line, each
+//! with a checksum, which detects torn and changed lines. These are left out. The pipeline is
+//! deterministic: a resumed run makes the same requests, and the journal answers what it knows. A run
+//! writes its own journal and may read others of the same run, such as those of other shards.
 
 mod contents;
 mod error;
-mod line;
-mod merge;
 #[cfg(test)]
 mod tests;
 
-use std::fs::{File, OpenOptions};
-use std::io::{self, Seek, SeekFrom, Write};
+use std::collections::HashSet;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use contents::{Contents, Locked, is_of_us, is_unbegun};
+pub(crate) use contents::hash;
+use contents::{Contents, MAGIC, is_of_us, is_unbegun, line};
 pub(crate) use error::JournalError;
-pub(crate) use line::hash;
-use line::{Checksum, line};
-pub(crate) use merge::merge_journals;
 
 use crate::files::FileError;
 
 /// Greatest delay before records reach the disk; they reach the operating system at once. A kill
 /// loses nothing, a power cut a second.
 const SYNC: Duration = Duration::from_secs(1);
-
-/// First word of a journal, with the version of its format: of its lines, and of what is counted in
-/// them.
-const MAGIC: &str = "frugal-journal 3";
 
 /// What to do with a journal that holds records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,7 +86,6 @@ impl JournalHeader {
 pub(crate) struct Journal {
     path: PathBuf,
     file: File,
-    checksum: Checksum,
     synced: Instant,
     damaged: usize,
 }
@@ -113,20 +104,13 @@ impl Journal {
     ) -> Result<(Self, Vec<String>), JournalError> {
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
-        let Locked { file, bytes, .. } = Locked::open(path, &options, "open")?;
-        let mut journal = Self {
-            path: path.to_owned(),
-            file,
-            checksum: Checksum::START,
-            synced: Instant::now(),
-            damaged: 0,
-        };
+        let (file, bytes) = locked(path, &options, "open")?;
+        let mut journal = Self { path: path.to_owned(), file, synced: Instant::now(), damaged: 0 };
         let Some(contents) = admitted(path, &bytes, existing, |found| found.difference(header))?
         else {
             journal.start(header)?;
             return Ok((journal, Vec::new()));
         };
-        journal.checksum = contents.checksum;
         journal.damaged = contents.damaged;
         let end = contents.end as u64;
         journal.file.set_len(end).map_err(|source| journal.failed("shorten", source))?;
@@ -145,13 +129,13 @@ impl Journal {
         existing: Existing,
     ) -> Result<(), JournalError> {
         if path.exists() {
-            let Locked { bytes, .. } = Locked::open(path, OpenOptions::new().read(true), "read")?;
+            let (_, bytes) = locked(path, OpenOptions::new().read(true), "read")?;
             admitted(path, &bytes, existing, |found| found.contradiction(known))?;
         }
         Ok(())
     }
 
-    /// Complete lines that were left out, because one of them is damaged.
+    /// Complete lines that were left out, because they are damaged.
     pub(crate) fn damaged(&self) -> usize {
         self.damaged
     }
@@ -171,10 +155,10 @@ impl Journal {
     /// When the file cannot be written. Earlier records stay readable.
     pub(crate) fn append(&mut self, record: &str) -> Result<(), JournalError> {
         debug_assert!(!record.contains('\n'), "a record is one line");
-        let (whole, checksum) = line(record, self.checksum);
         // One write, so that a kill leaves a whole line or a torn one, never two halves.
-        self.file.write_all(whole.as_bytes()).map_err(|source| self.failed("write", source))?;
-        self.checksum = checksum;
+        self.file
+            .write_all(line(record).as_bytes())
+            .map_err(|source| self.failed("write", source))?;
         if self.synced.elapsed() >= SYNC {
             self.file.sync_data().map_err(|source| self.failed("write", source))?;
             self.synced = Instant::now();
@@ -214,7 +198,24 @@ fn admitted(
     Ok(Some(contents))
 }
 
-/// Reads a journal that no run is writing: its header and its valid records.
+/// Opens and locks the file at `path` for an `action`; returns it with what it holds. Some file
+/// systems have no locks; there nobody can tell whether it is in use.
+fn locked(
+    path: &Path,
+    options: &OpenOptions,
+    action: &'static str,
+) -> Result<(File, Vec<u8>), JournalError> {
+    let failed = |source| FileError::new(action, path, source);
+    let mut file = options.open(path).map_err(failed)?;
+    if let Err(TryLockError::WouldBlock) = file.try_lock() {
+        return Err(JournalError::InUse { path: path.to_owned() });
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(failed)?;
+    Ok((file, bytes))
+}
+
+/// Reads a journal, which a run may be writing: its header and its valid records.
 ///
 /// # Errors
 /// When the file cannot be read or is not a journal.
@@ -223,4 +224,43 @@ pub(crate) fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), 
     let contents = Contents::read(&bytes)
         .ok_or_else(|| JournalError::NotAJournal { path: path.to_owned() })?;
     Ok((contents.header, contents.records))
+}
+
+/// The records of a journal of the run of `header`, which another process may be writing.
+///
+/// # Errors
+/// When the file cannot be read, is not a journal, or is of another run.
+pub(crate) fn records_of(path: &Path, header: &JournalHeader) -> Result<Vec<String>, JournalError> {
+    let (found, records) = read_journal(path)?;
+    match found.difference(header) {
+        None => Ok(records),
+        Some((field, found, expected)) => {
+            Err(JournalError::OtherRun { path: path.to_owned(), field, found, expected })
+        }
+    }
+}
+
+/// Adds the records of `files`, journals of one run, to the journal at `output`, each once; makes it
+/// where there is none. Returns the number of its records.
+///
+/// # Errors
+/// When a file cannot be read, is not a journal, or belongs to another run than the first, or when
+/// `output` is in use or holds anything else; nothing is written then.
+pub(crate) fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, JournalError> {
+    let mut header = None;
+    let mut all = Vec::new();
+    for file in files {
+        let (found, _) = read_journal(file)?;
+        all.extend(records_of(file, header.get_or_insert(found))?);
+    }
+    let header = header.unwrap_or_default();
+    let (mut journal, records) = Journal::open(output, &header, Existing::Resume)?;
+    let mut seen: HashSet<String> = records.into_iter().collect();
+    for record in all {
+        if !seen.contains(&record) {
+            journal.append(&record)?;
+            seen.insert(record);
+        }
+    }
+    Ok(seen.len())
 }

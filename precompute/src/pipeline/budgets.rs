@@ -3,7 +3,8 @@
 use bevy_frugal_gi::frontier::{ErrorRates, Frontier, look_up_in};
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use super::{PlayShare, Subject, views};
+use super::finish::views;
+use super::{PlayShare, Subject};
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::fit::{Calibration, Fitted, calibrate};
 use crate::table::CostTable;
@@ -23,33 +24,44 @@ struct Judge<'a> {
     is_full: bool,
 }
 
+/// Costs by which error budgets are calibrated.
+pub(super) struct Evidence<'a> {
+    /// At the training cameras.
+    pub training: &'a CostTable,
+    /// Numbers of those in the fit.
+    pub rows: &'a [usize],
+    /// Whether a training camera has rendered the whole pool.
+    pub is_full: &'a dyn Fn(usize) -> bool,
+    /// At the calibration cameras.
+    pub calibration: &'a CostTable,
+}
+
 /// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
-/// that users play, and by all else. `trained`: costs at training cameras, the numbers of those in
-/// the fit, and whether one has rendered the whole pool; `apart`: costs at calibration cameras.
+/// that users play, and by all else.
 ///
-/// Where there are enough, only cameras that have rendered the whole pool take part: errors that are
-/// completed go wrong together with the predictions that they are compared with.
+/// Where there are enough, only cameras that have rendered the whole pool take part: completed errors
+/// share the prediction's bias.
 pub(super) fn calibrated(
     subject: &Subject<'_>,
     cameras: &CameraSet,
     fitted: &Fitted,
-    (trained, rows, is_full): (&CostTable, &[usize], &dyn Fn(usize) -> bool),
-    apart: &CostTable,
+    evidence: &Evidence<'_>,
     played: &PlayShare,
 ) -> ErrorRates {
+    let Evidence { training, rows, is_full, calibration } = *evidence;
     let error = |table: &'_ CostTable, row: usize, settings: KnobLevels| {
         Some(table.get(row, settings)?.error)
     };
     let views = views(&cameras.calibration, subject.lens);
-    let apart = views.iter().enumerate().take(apart.rows()).filter_map(|(row, view)| {
+    let apart = views.iter().enumerate().take(calibration.rows()).filter_map(|(row, view)| {
         let frontier = look_up_in(&fitted.octree, subject.bounds, view)?.frontier;
         let camera = cameras.calibration[row];
-        Some(Judge { camera, frontier, table: apart, row, is_full: true })
+        Some(Judge { camera, frontier, table: calibration, row, is_full: true })
     });
     let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| Judge {
         camera: cameras.training[*row],
         frontier,
-        table: trained,
+        table: training,
         row: *row,
         is_full: is_full(*row),
     });

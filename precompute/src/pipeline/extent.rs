@@ -10,8 +10,7 @@ use crate::table::Measure;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extent {
     /// Number of pilot cameras; each proposal is rendered at all of them. Higher values suit the
-    /// pool to more kinds of views: with 3 and 9 rounds, each frame's best of a court's tour saved
-    /// 56 % at an error of 0.018, with 6 and 12 rounds 62 %.
+    /// pool to more kinds of views.
     pub pilots: usize,
     /// Whether screening renders levels between the one below the best and the lowest, too.
     pub all_levels: bool,
@@ -22,8 +21,7 @@ pub(crate) struct Extent {
     /// Share of the time limit after which no more settings are proposed.
     pub pool_share: f64,
     /// Greatest number of settings that a map may select. Higher values leave less of a power budget
-    /// unused: of 139 settings at six views of a court, the best of each view among 24 had up to 27 %
-    /// more error than the best of all, among 32 at most 6 %.
+    /// unused.
     pub pool: usize,
     /// Number of training cameras that render the whole pool. All others render the anchors, from
     /// which the rest follows ([`crate::fit::Completion`]), so at least three. Higher values are more
@@ -52,10 +50,8 @@ impl Extent {
         block: 6,
         views: 500,
     };
-    /// For some hundred renderings: at six pilots, screening alone would take all of them. Rejected: 24
-    /// settings at 4 full cameras and 6 anchors elsewhere, which is as much work. More of a power budget is
-    /// used (88 % instead of 81 to 86), but errors that are completed go wrong together with the
-    /// predictions that they calibrate, and an error budget of 0.02 was exceeded by 2 %.
+    /// For some hundred renderings: at six pilots, screening alone would take all of them. Many full
+    /// cameras, since completed errors share the prediction's bias.
     const SHORT: Self = Self {
         pilots: 2,
         all_levels: false,
@@ -68,8 +64,8 @@ impl Extent {
         block: 2,
         views: 150,
     };
-    /// For fewer: rather some cameras with few settings than the reverse. With two cameras alone, an
-    /// error budget of 0.02 was exceeded by 42 % on the way between them.
+    /// For fewer: rather some cameras with few settings than the reverse, which leaves the way between
+    /// cameras unknown.
     const SHORTEST: Self = Self {
         pilots: 1,
         rounds: 2,

@@ -5,6 +5,8 @@
 mod budgets;
 mod clock;
 mod extent;
+mod finish;
+mod map;
 mod modelled;
 mod pilots;
 mod play;
@@ -12,20 +14,21 @@ mod renderings;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use bevy_frugal_gi::frontier::{Bounds, CameraView, ErrorRates};
+use bevy_frugal_gi::frontier::{Bounds, ErrorRates};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, FitQuality, FrameLayout};
-use crate::fit::{Completion, FitConfig, FitReport, Fitted, Seen, Training, fit};
+use crate::fit::{Completion, FitConfig, FitReport, Fitted};
 use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
-use budgets::calibrated;
 pub(crate) use extent::Extent;
+use finish::{Found, finish};
+pub(crate) use map::map_of;
 use modelled::{Modelled, readings};
 pub(crate) use play::PlayShare;
 pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
@@ -59,8 +62,8 @@ pub(crate) enum PipelineError<E> {
     #[error("interrupted")]
     Interrupted,
     /// This shard has rendered its share of the batch; other shards have not.
-    #[error("this shard's share is rendered: merge the shards' journals")]
-    NeedsMerge,
+    #[error("this shard's share is rendered, those of others are not")]
+    NeedsOthers,
     /// No camera in free space sees any geometry.
     #[error("no camera in free space sees the scene: check its bounds and paths")]
     NoCameras,
@@ -141,9 +144,8 @@ pub(crate) fn run<M: Measure>(
         render_cameras(subject, &extent, cameras, &pilots, &candidates, &mut renderings)?;
     let views = &cameras.unrendered[..extent.views.min(cameras.unrendered.len())];
     let features = view_features(subject, cameras, views, &mut renderings)?;
-    let seen = (cameras, views, &features);
-    let found = (screening, rendered);
-    Ok(finish(subject, &config.fit, &extent, seen, found, &renderings))
+    let found = Found { extent, cameras, screening, rendered, unrendered: views, features };
+    Ok(finish(subject, &config.fit, found, &renderings))
 }
 
 /// What training cameras and unrendered views show.
@@ -237,8 +239,7 @@ fn propose_round(
     let Subject { space, layout, .. } = *subject;
     let cost = CostModel::fit(&readings(subject, table), subject.idle);
     // Alternates between all pilot cameras and each half of them, because the pool must suit
-    // different views. Rejected: rounds for one pilot at a time, rendered there alone at first. Whole
-    // searches gained nothing, and maps of short ones took 6 % more power.
+    // different views.
     let halves: [Vec<usize>; 3] =
         [(0..table.rows()).collect(), every_other(table.rows(), 0), every_other(table.rows(), 1)];
     let rows = &halves[round % 3];
@@ -344,78 +345,6 @@ fn table<M: Measure>(
         }
     }
     table
-}
-
-fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
-    let view = |camera: &MovingCamera| CameraView {
-        position: camera.pose.position,
-        rotation: camera.pose.rotation,
-        vertical_fov: lens.0,
-        aspect: lens.1,
-    };
-    cameras.iter().map(view).collect()
-}
-
-/// Fits the octree and calibrates error budgets.
-fn finish<M: Measure>(
-    subject: &Subject<'_>,
-    config: &FitConfig,
-    extent: &Extent,
-    (cameras, unrendered, features): (&CameraSet, &[MovingCamera], &Features),
-    (screening, rendered): (Screening, Rendered),
-    renderings: &Renderings<'_, M>,
-) -> Outcome {
-    let Rendered { pool, counts, played, completion } = rendered;
-    let all: Vec<usize> = (0..cameras.training.len()).collect();
-    let raw = table(renderings, Purpose::Training, &all, &pool);
-    let apart = table(renderings, Purpose::Calibration, &(0..counts[1]).collect::<Vec<_>>(), &pool);
-    let Modelled { table: smooth, model: cost, .. } = {
-        let modelled = Modelled::of(subject, &raw);
-        match &completion {
-            Some(completion) => modelled.completed(subject, completion),
-            None => modelled,
-        }
-    };
-    // The map holds errors as in play.
-    let (smooth, apart) = (played.apply(&smooth, &smooth), played.apply(&apart, &smooth));
-    let (training, rows) = Training::new(&smooth, &cameras.training, &pool);
-    let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
-    let mut views = views(&used, subject.lens);
-    let used = views.len();
-    views.extend(self::views(unrendered, subject.lens));
-    let seen = |views: &[CameraView], features: &mut dyn Iterator<Item = &ViewFeatures>| {
-        let pairs = views.iter().zip(features);
-        pairs
-            .map(|(view, features)| Seen { viewpoint: view.into(), features: features.clone() })
-            .collect()
-    };
-    let of_training = &mut rows.iter().filter_map(|row| features.training.get(*row));
-    let training = training.with_unrendered(
-        seen(&views[..used], of_training),
-        seen(&views[used..], &mut features.unrendered.iter()),
-    );
-    let fitted = fit(&training, &views, subject.bounds, config);
-    let is_full = |row: usize| pool.iter().all(|settings| raw.get(row, *settings).is_some());
-    let error_rates =
-        calibrated(subject, cameras, &fitted, (&smooth, &rows, &is_full), &apart, &played);
-    let best = subject.space.canonical(subject.space.highest());
-    Outcome {
-        extent: *extent,
-        error_rates,
-        pool,
-        screening,
-        cost_quality: CostModel::cross_validated(&readings(subject, &raw), subject.idle, 5),
-        cost,
-        cameras: [used, counts[1]],
-        renderings: renderings.count(),
-        effort: renderings.effort(),
-        stages: renderings.stages().to_vec(),
-        training: smooth.with_rows(&rows),
-        training_cameras: rows,
-        played,
-        noise: raw.known_mean_error(best).unwrap_or(0.0),
-        fitted,
-    }
 }
 
 /// Describes a fit in one line.

@@ -17,11 +17,9 @@ const SHARE: f64 = 0.45;
 /// Share of a clip's error where nothing is known: without tracks, or without time. The highest of
 /// three levels' means.
 const ASSUMED: f64 = 0.92;
-/// How much of what the rendered settings gain in play others gain, too. History averages noise, and
-/// the settings around budgets are noisier than most: on two levels' tours errors in play were 0.98
-/// and 0.94 of those of clips in the mean over a pool of 24, where the rendered three had 0.90 and
-/// 0.84. With all of the gain a budget in four was exceeded on the very tours, by 1 to 8 %.
-const COMMON: f64 = 0.5;
+/// How much of what the rendered settings gain in play others gain, too: history averages noise, and
+/// the settings around budgets are noisier than most.
+const GAIN_APPLIED: f64 = 0.5;
 /// Shares outside this range have other causes than history.
 const RANGE: (f64, f64) = (0.5, 1.2);
 
@@ -116,11 +114,10 @@ impl PlayShare {
         Self(known)
     }
 
-    /// The share for settings with the mean `error`: half of what the rendered ones gain, interpolated in its logarithm between those
-    /// measured, beyond them that of the last, and below them towards 1 at an error of 0, where
-    /// nothing is known and an error budget has the least room.
+    /// The share for settings with the mean `error`: half of what the rendered ones gain. Log-linear
+    /// between measurements, constant above, and towards 1 at an error of 0.
     pub(crate) fn at(&self, error: f64) -> f64 {
-        1.0 - COMMON * (1.0 - self.of_rendered(error))
+        1.0 - GAIN_APPLIED * (1.0 - self.of_rendered(error))
     }
 
     /// The same of the settings that are rendered.

@@ -1,7 +1,7 @@
 //! Renderings, requested in batches: journaled, answered from the journal where known, and
 //! distributed to shards.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -166,7 +166,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// Every other job is rendered in reverse order, so that drift does not favour some settings.
     /// In a sharded run each shard renders every N-th job; if jobs of other shards are missing, the
-    /// run ends with [`PipelineError::NeedsMerge`].
+    /// run ends with [`PipelineError::NeedsOthers`].
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
@@ -222,7 +222,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
         let measured = measure.measure_all(&batches, &mut keep);
         measured.map_err(PipelineError::Measure)?;
         failure?;
-        if is_missing { Err(PipelineError::NeedsMerge) } else { Ok(()) }
+        if is_missing { Err(PipelineError::NeedsOthers) } else { Ok(()) }
     }
 
     /// What of `jobs` is not known and this shard's to render, the purpose and number of the camera of
@@ -297,12 +297,6 @@ impl<'a, M: Measure> Renderings<'a, M> {
         settings: KnobLevels,
     ) -> Option<CostPoint> {
         self.known.get(&(purpose, camera, settings)).copied()
-    }
-
-    /// All that is known at a camera, by settings.
-    pub(crate) fn at(&self, purpose: Purpose, camera: usize) -> BTreeMap<KnobLevels, CostPoint> {
-        let of_camera = self.known.iter().filter(|(of, _)| (of.0, of.1) == (purpose, camera));
-        of_camera.map(|((.., settings), cost)| (*settings, *cost)).collect()
     }
 
     /// Number of known renderings.

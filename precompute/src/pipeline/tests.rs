@@ -11,7 +11,7 @@ use glam::{Quat, Vec3};
 
 use super::*;
 use crate::cost::Work;
-use crate::journal::{Existing, Journal, JournalHeader, merge_journals};
+use crate::journal::{Existing, Journal, JournalHeader, records_of};
 use crate::scene::CameraPose;
 use crate::table::{Batch, Measured};
 
@@ -146,6 +146,8 @@ fn cameras() -> CameraSet {
 struct Run<'a> {
     journal: &'a Path,
     shard: (usize, usize),
+    /// Journals of other shards.
+    others: &'a [std::path::PathBuf],
     /// Number of renderings after which the run is stopped.
     patience: usize,
     limit: Option<Duration>,
@@ -162,7 +164,11 @@ fn run_with<M: Measure<Error = Infallible>>(
 ) -> Result<Outcome, PipelineError<Infallible>> {
     let (space, cameras) = (space(), cameras());
     let header = JournalHeader::default().with("seed", 0);
-    let journal = Journal::open(setup.journal, &header, Existing::Resume).expect("a journal");
+    let (journal, mut records) =
+        Journal::open(setup.journal, &header, Existing::Resume).expect("a journal");
+    for other in setup.others {
+        records.extend(records_of(other, &header).expect("one run's"));
+    }
     let mut left = setup.patience;
     let mut report = |_: &Progress<'_>| {
         left = left.saturating_sub(1);
@@ -183,7 +189,7 @@ fn run_with<M: Measure<Error = Infallible>>(
         &config,
         Setup {
             measure,
-            journal,
+            journal: (journal, records),
             cameras: &cameras,
             clip: (2, 15.0),
             shard: setup.shard,
@@ -201,7 +207,7 @@ pub(crate) fn searched() -> (KnobSpace, Bounds, CameraSet, Outcome) {
 }
 
 fn whole(journal: &Path) -> Run<'_> {
-    Run { journal, shard: (0, 1), patience: usize::MAX, limit: None }
+    Run { journal, shard: (0, 1), others: &[], patience: usize::MAX, limit: None }
 }
 
 /// The results that must not depend on interruptions and shards.
@@ -297,7 +303,7 @@ fn renderings_in_any_order_make_the_same_map_and_none_is_made_twice() {
 }
 
 #[test]
-fn shards_that_are_merged_make_the_same_map() {
+fn shards_that_read_each_other_s_journals_make_the_same_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let reference = run_once(&whole(&folder.path().join("whole"))).0.expect("a map");
     for count in [2, 5] {
@@ -307,18 +313,23 @@ fn shards_that_are_merged_make_the_same_map() {
         let outcome = loop {
             let mut last = None;
             for (index, file) in files.iter().enumerate() {
-                let (outcome, made) = run_once(&Run { shard: (index, count), ..whole(file) });
+                let others: Vec<_> = files
+                    .iter()
+                    .filter(|other| *other != file && other.exists())
+                    .cloned()
+                    .collect();
+                let shard = (index, count);
+                let (outcome, made) = run_once(&Run { shard, others: &others, ..whole(file) });
                 renderings[index] += made;
                 match outcome {
                     Ok(outcome) => last = Some(outcome),
-                    Err(PipelineError::NeedsMerge) => {}
+                    Err(PipelineError::NeedsOthers) => {}
                     Err(error) => panic!("{error}"),
                 }
             }
             if let Some(outcome) = last {
                 break outcome;
             }
-            merge_journals(&files, None).expect("one run's");
         };
         assert_eq!(product(&outcome), product(&reference));
         let total: usize = renderings.iter().sum();

@@ -8,6 +8,7 @@
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::{LEAST_ERROR, Screening};
+use crate::linalg::{cholesky, dot, forward, solve};
 
 /// Prior standard deviation of the logarithm of an error about the sum of single effects.
 const SPREAD: f64 = 0.6;
@@ -45,13 +46,13 @@ impl<'a> ErrorModel<'a> {
                 (error.max(0.0) + LEAST_ERROR).ln() - prior(space, screening, *settings)
             })
             .collect();
-        let fits = LENGTHS.iter().map(|length| {
-            let factor = cholesky(&covariance(&known, *length));
+        let fits = LENGTHS.iter().filter_map(|length| {
+            let factor = cholesky(&covariance(&known, *length))?;
             let weights = solve(&factor, &left);
             // Log marginal likelihood of the readings, up to a constant.
-            let fit: f64 = left.iter().zip(&weights).map(|(y, weight)| y * weight).sum();
+            let fit = dot(&left, &weights);
             let volume: f64 = factor.iter().enumerate().map(|(index, row)| row[index].ln()).sum();
-            (0.5 * fit + volume, *length, weights, factor)
+            Some((0.5 * fit + volume, *length, weights, factor))
         });
         let best = fits.min_by(|a, b| a.0.total_cmp(&b.0));
         let (_, length, weights, factor) = best.unwrap_or((0.0, 1.0, Vec::new(), Vec::new()));
@@ -63,8 +64,7 @@ impl<'a> ErrorModel<'a> {
         let at = coordinates(self.space, self.screening, settings);
         let near: Vec<f64> =
             self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
-        let mean = prior(self.space, self.screening, settings)
-            + near.iter().zip(&self.weights).map(|(k, weight)| k * weight).sum::<f64>();
+        let mean = prior(self.space, self.screening, settings) + dot(&near, &self.weights);
         let explained: f64 = forward(&self.factor, &near).iter().map(|v| v * v).sum();
         (mean, (SPREAD * SPREAD - explained).max(0.0).sqrt())
     }
@@ -119,42 +119,6 @@ fn covariance(points: &[Vec<f64>], length: f64) -> Vec<Vec<f64>> {
             .collect()
     };
     (0..points.len()).map(row).collect()
-}
-
-/// L with L Lᵀ = K, from the lower triangle of a symmetric positive definite K.
-fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let mut factor: Vec<Vec<f64>> = Vec::with_capacity(matrix.len());
-    for (a, row) in matrix.iter().enumerate() {
-        let mut next = vec![0.0; a + 1];
-        for b in 0..=a {
-            let above: &[f64] = if b == a { &[] } else { &factor[b] };
-            let done: f64 = (0..b).map(|k| next[k] * if b == a { next[k] } else { above[k] }).sum();
-            next[b] =
-                if b == a { (row[b] - done).max(1e-12).sqrt() } else { (row[b] - done) / above[b] };
-        }
-        factor.push(next);
-    }
-    factor
-}
-
-/// Solves L x = y.
-fn forward(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
-    let mut solution: Vec<f64> = Vec::with_capacity(right.len());
-    for (row, y) in factor.iter().zip(right) {
-        let done: f64 = row.iter().zip(&solution).map(|(l, x)| l * x).sum();
-        solution.push((y - done) / row[solution.len()]);
-    }
-    solution
-}
-
-/// Solves L Lᵀ x = y.
-fn solve(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
-    let mut solution = forward(factor, right);
-    for a in (0..solution.len()).rev() {
-        let done: f64 = (a + 1..solution.len()).map(|b| factor[b][a] * solution[b]).sum();
-        solution[a] = (solution[a] - done) / factor[a][a];
-    }
-    solution
 }
 
 #[cfg(test)]

@@ -40,13 +40,7 @@ impl Goals {
     /// power + rate × error, at each power budget that of the error, and at each error budget that of the
     /// power. Where a budget is exceeded they count as the greatest error, or as the best settings' power.
     ///
-    /// Weighing them all alike has the least loss: of 133 settings at six views of a level, the best 32
-    /// by five of the views take 3.4 % more power than the best of all for the error budgets of 0.005 to
-    /// 0.05 at the sixth, and have 2.9 % more error at the power budgets. Without error budgets, and with
-    /// power budgets at half of the weight, it is 3.8 and 3.0 %; of 16 settings 9.0 and 10.6 %, and 10.9 and
-    /// 12.2 %. At six views of a level that had no part in the choice, 32 settings take 8.4 instead of
-    /// 12.2 % more power and have 6.8 instead of 6.4 % more error, 16 settings 18.4 instead of 17.9 % and
-    /// 16.3 instead of 16.4 %.
+    /// Equal weights lost least on views held out.
     pub(super) fn scores<'a>(&'a self, cost: &'a CostPoint) -> impl Iterator<Item = f64> + 'a {
         let power = cost.power.0 / self.power.end;
         let rates = RATES.iter().map(move |rate| (power + rate * cost.error).ln());

@@ -1,39 +1,21 @@
 //! Proposals for rendering: NSGA-II on the models of power and error, without rendering.
 
-use std::convert::Infallible;
-
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::goals::Goals;
 use super::{ErrorModel, LEAST_ERROR, Screening};
 use crate::cost::{CostModel, FrameLayout, Work};
-use crate::search::{Evaluate, Search, SearchConfig};
+use crate::search::Search;
 
 /// Errors are clamped to this: no budget allows more, so settings beyond it differ in power alone.
-pub(crate) const GREATEST_ERROR: f64 = 0.3;
+const GREATEST_ERROR: f64 = 0.3;
 /// Optimism of proposals, standard deviations below the expected error (a lower confidence bound).
-pub(crate) const OPTIMISM: f64 = 0.5;
-/// The same where too little is expected to gain: the search goes on where the model knows least. Of 4,048
-/// combinations at a view of the courtyard, it stopped after 50 renderings, 5 % short of the least power
-/// at an error of 0.04, and would never have found it.
+const OPTIMISM: f64 = 0.5;
+/// The same where too little is expected to gain: the search goes on where the model knows least.
 const EXPLORATION: f64 = 3.0;
 /// Least gain, summed over goals, for which settings are rendered.
 const LEAST_GAIN: f64 = 1e-3;
-/// Model evaluations per round, and survivors per generation.
-const EVALUATIONS: usize = 4000;
-const POPULATION: usize = 48;
-
-/// Configuration of a search on models.
-pub(crate) fn model_search(seed: u64) -> SearchConfig {
-    SearchConfig {
-        population: POPULATION,
-        generations: Some(EVALUATIONS / POPULATION),
-        max_evaluations: Some(EVALUATIONS),
-        seed,
-        ..Default::default()
-    }
-}
 
 /// The seed of a round of proposals: different in every round.
 pub(crate) fn round_seed(seed: u64, round: u64) -> u64 {
@@ -56,30 +38,23 @@ pub(crate) struct Proposal<'a> {
 }
 
 /// Both models as objectives, in logarithms, so that crowding and dominance resolve the range of
-/// budgets.
-struct Models<'a> {
-    proposal: &'a Proposal<'a>,
-    error: &'a ErrorModel<'a>,
+/// budgets. `optimism`: standard deviations below the expected error.
+fn objectives(
+    proposal: &Proposal<'_>,
+    error: &ErrorModel<'_>,
     optimism: f64,
-}
-
-impl Evaluate for Models<'_> {
-    type Error = Infallible;
-
-    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Infallible> {
-        let Proposal { space, screening, cost, layout, .. } = self.proposal;
-        let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
-        // A knob without effect stays at its cheapest, however little power that saves.
-        if screening.fixed(space, settings) != space.canonical(settings) {
-            return Ok(CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0));
-        }
-        let (mean, deviation) = self.error.predict(settings);
-        Ok(CostPoint::new(
-            power,
-            (mean - self.optimism * deviation)
-                .clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln()),
-        ))
+    settings: KnobLevels,
+) -> CostPoint {
+    let Proposal { space, screening, cost, layout, .. } = *proposal;
+    let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
+    // A knob without effect stays at its cheapest, however little power that saves.
+    if screening.fixed(space, settings) != space.canonical(settings) {
+        return CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0);
     }
+    let (mean, deviation) = error.predict(settings);
+    let error = mean - optimism * deviation;
+    let error = error.clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln());
+    CostPoint::new(power, error)
 }
 
 /// Up to `count` unrendered settings with the greatest expected gain, in the range of error
@@ -103,10 +78,9 @@ pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<K
     let cheapest = power(space.lowest()) / best_power;
     let mut proposed = Vec::new();
     for optimism in [OPTIMISM, EXPLORATION] {
-        let mut models = Models { proposal, error: &error, optimism };
-        let Ok(found) =
-            Search::new(space, model_search(seed)).run(&mut models, &known, &mut |_| true);
-        let candidates: Vec<_> = found.frontier.points().iter().map(point).collect();
+        let found = Search { space, seed }
+            .run(&known, &mut |settings| objectives(proposal, &error, optimism, settings));
+        let candidates: Vec<_> = found.points().iter().map(point).collect();
         let more = greatest_gains(&rendered, &candidates, cheapest, count - proposed.len());
         proposed.extend(more.iter().map(|(settings, _)| *settings));
         if proposed.len() == count {

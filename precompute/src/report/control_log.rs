@@ -1,4 +1,4 @@
-//! The report of `frugal report`: what a controller did in an app.
+//! The report of `frugal plot-log`: what a controller did in an app.
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 

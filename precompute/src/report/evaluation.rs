@@ -1,6 +1,6 @@
 //! The report of `frugal evaluate`.
 
-use crate::evaluate::{Evaluation, EvaluationResult, FrameRecord, RunResult};
+use crate::evaluate::{EvaluationResult, FramePicture, FrameRecord, RunResult};
 use crate::metrics::Picture;
 
 use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, provenance};
@@ -22,28 +22,22 @@ pub(crate) fn evaluation_report(
     Ok(report.render())
 }
 
-/// The images of an evaluation, captioned with run, frame and the frame's cost.
-pub(crate) fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
+/// Images of an evaluation, captioned with run, frame and the frame's cost.
+pub(crate) fn captioned<'p>(
+    result: &EvaluationResult,
+    pictures: &'p [FramePicture],
+) -> Vec<(String, &'p Picture)> {
     let caption = |run: &str, frame: usize| {
-        let record = evaluation
-            .result
-            .runs
-            .iter()
-            .find(|result| result.name == run)
-            .and_then(|result| result.series.get(frame));
-        let cost = record.map_or(String::new(), |record| {
+        let of_run = result.runs.iter().find(|result| result.name == run);
+        let cost = of_run.and_then(|run| run.series.get(frame)).map_or(String::new(), |record| {
             format!(": {:.2} W, error {:.4}", record.power.0, record.error)
         });
         format!("{run}, frame {frame}{cost}")
     };
-    evaluation.pictures.iter().map(|kept| (caption(&kept.run, kept.frame), &kept.picture)).collect()
+    pictures.iter().map(|kept| (caption(&kept.run, kept.frame), &kept.picture)).collect()
 }
 
-/// The same as a section of a larger page.
-///
-/// # Errors
-/// As [`evaluation_report`].
-pub(crate) fn evaluation_section(
+fn evaluation_section(
     result: &EvaluationResult,
     pictures: &[(String, &Picture)],
 ) -> Result<Section, ReportError> {
@@ -136,15 +130,21 @@ fn facts(result: &EvaluationResult) -> Vec<(String, String)> {
     if let Some(error) = result.budget.error {
         facts.push(("Error budget".to_owned(), error.to_string()));
     }
-    let drift = &result.drift;
-    facts.push((
-        "Maximum played again at the end".to_owned(),
-        format!("{:+.1}% power", 100.0 * drift.relative),
-    ));
-    facts.push((
-        "… and against itself".to_owned(),
-        format!("mean error {:.5}", drift.repeat_mean_error),
-    ));
+    if let Some(check) = &result.spot_check {
+        facts.push((
+            "The frugal run rendered".to_owned(),
+            format!("{:.3} W, error {:.4}", check.mean_power_w.0, check.mean_error),
+        ));
+        let drift = &result.drift;
+        facts.push((
+            "Maximum played again after it".to_owned(),
+            format!(
+                "{:+.1}% power, mean error {:.5} against itself",
+                100.0 * drift.relative,
+                drift.repeat_mean_error
+            ),
+        ));
+    }
     facts
 }
 
@@ -239,35 +239,22 @@ mod tests {
     use std::ops::ControlFlow;
 
     use super::*;
-    use crate::evaluate::fake::{Fake, meter, path, space};
-    use crate::evaluate::{BudgetRequest, EvaluationPlan, Fixed, PowerBudget, evaluate};
+    use crate::evaluate::fake::{Fake, judged, path};
+    use crate::evaluate::pictures;
 
     #[test]
     fn a_report_contains_request_results_and_conditions() {
-        let (space, path) = (space(), path());
-        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: Some(0.05) };
-        let plan = EvaluationPlan {
-            scene: "<court>",
-            space: &space,
-            path: &path,
-            meter: meter(),
-            budget,
-            trained: None,
-            keep_frames: &[4],
-        };
-        let evaluation =
-            evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| {
-                ControlFlow::Continue(())
-            })
-            .unwrap();
-        let pictures = captioned(&evaluation);
-        assert_eq!(pictures[0].0, "frugal, frame 4: 1.01 W, error 0.1176");
-        let html = evaluation_report(
-            &evaluation.result,
-            &pictures,
-            &[("Machine".into(), "a test".into())],
-        )
+        let mut result = judged(Some("60%"), Some(0.05));
+        result.scene = "<court>".to_owned();
+        let kept = pictures(&mut Fake::default(), &path(), &result, &[4], &mut |_| {
+            ControlFlow::Continue(())
+        })
         .unwrap();
+        let pictures = captioned(&result, &kept);
+        let minimum = pictures.iter().find(|(caption, _)| caption.starts_with("minimum"));
+        assert_eq!(minimum.unwrap().0, "minimum, frame 4: 1.01 W, error 0.1176");
+        let html =
+            evaluation_report(&result, &pictures, &[("Machine".into(), "a test".into())]).unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
             "was not measured. It was computed by the model formula",
@@ -279,9 +266,9 @@ mod tests {
         ] {
             assert!(html.contains(text), "{text}");
         }
-        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (4, 6));
+        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (4, 7));
         // Read back from JSON, an evaluation has no frames, and still a report.
-        let json = serde_json::to_string(&evaluation.result).unwrap();
+        let json = serde_json::to_string(&result).unwrap();
         let bare = evaluation_report(&serde_json::from_str(&json).unwrap(), &[], &[]).unwrap();
         assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (2, 0));
     }

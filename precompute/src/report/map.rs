@@ -1,6 +1,6 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use bevy_frugal_gi::frontier::{Frontier, Octree};
+use bevy_frugal_gi::frontier::{Frontier, FrontierMap, Octree};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
@@ -42,6 +42,24 @@ pub(crate) struct MapSummary<'a> {
     pub power_threshold: Watts,
     /// Error threshold of subdivision, 1 − SSIM.
     pub error_threshold: f64,
+}
+
+impl<'a> MapSummary<'a> {
+    /// Of a whole map.
+    pub(crate) fn of(map: &'a FrontierMap) -> Self {
+        Self {
+            scene: &map.scene.name,
+            space: &map.knobs,
+            octree: &map.octree,
+            bounds_min: Vec3::from_array(map.bounds.min),
+            bounds_max: Vec3::from_array(map.bounds.max),
+            meter: &map.meter,
+            size: map.capture.size,
+            fps: map.capture.frames_per_second,
+            power_threshold: Watts(map.thresholds.power_w),
+            error_threshold: map.thresholds.error,
+        }
+    }
 }
 
 /// A page on a map; `facts`: conditions of the map.

@@ -12,31 +12,25 @@
 //! | `evaluation` | `frugal evaluate` |
 //! | `survey`, `map` | `frugal inspect`: statistics of an octree, and the section on it |
 //! | `search` | `frugal precompute`: cameras, costs, influence of knobs, regret, calibration, effort |
-//! | `price` | `frugal price`, also as CSV |
-//! | `sweep` | `frugal sweep` |
-//! | `control_log` | `frugal report` |
+//! | `control_log` | `frugal plot-log` |
 mod control_log;
 mod evaluation;
 mod map;
 mod page;
 mod plan;
 mod plot;
-mod price;
 mod search;
 mod survey;
-mod sweep;
 
 pub(crate) use control_log::{
     control_log_report, facts as control_log_facts, heading as control_log_heading,
 };
-pub(crate) use evaluation::{captioned, evaluation_report, evaluation_section};
+pub(crate) use evaluation::{captioned, evaluation_report};
 pub(crate) use map::{MapSummary, map_report, map_section};
 pub(crate) use page::{Report, Section, escape};
 pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
-pub(crate) use price::{LevelPrice, PriceSummary, price_csv, price_report};
 pub(crate) use search::{SearchSummary, search_section};
 pub(crate) use survey::Survey;
-pub(crate) use sweep::{SweepSummary, sweep_report, sweep_section};
 
 use bevy_frugal_gi::frontier::FrontierPoint;
 use bevy_frugal_gi::knobs::KnobSpace;

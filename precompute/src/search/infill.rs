@@ -10,7 +10,7 @@ use rand::seq::SliceRandom;
 
 /// Settings within the widest interval that has some that are not `taken`: first its midpoint, then
 /// one knob of an end moved towards the other end, then neighbours of an end.
-pub(crate) fn propose(
+pub(super) fn propose(
     space: &KnobSpace,
     frontier: &Frontier,
     random: &mut impl Rng,

@@ -1,28 +1,14 @@
-//! Searches for the Pareto frontier of an evaluator of settings.
+//! Search for the Pareto frontier of power and error over the settings of a
+//! [`KnobSpace`](bevy_frugal_gi::knobs::KnobSpace), on models that cost nothing to evaluate.
 //!
-//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002) over a
-//! [`KnobSpace`](bevy_frugal_gi::knobs::KnobSpace), as in Wang et al. 2016, section 3.5.1.
-//! Proposals for the pool use it on fitted models; on a recorded table it is the baseline for
-//! pooling. Nothing is evaluated twice, one-at-a-time screening comes first (`seeding`), and the
-//! last evaluations fill in sparse parts of the frontier (`infill`).
-#[cfg(test)]
-mod benchmarks;
-mod cached;
-mod config;
-mod crossover;
-mod crowding;
-mod evaluator;
+//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002), as in Wang et al. 2016, section 3.5.1, followed by
+//! infill of sparse parts of the frontier.
 mod infill;
-mod level_dominance;
-mod mutation;
 mod nsga2;
-mod seeding;
-mod sorting;
-
-pub(crate) use config::SearchConfig;
-pub(crate) use evaluator::Evaluate;
-pub(crate) use level_dominance::{LevelDominance, level_dominance};
-pub(crate) use mutation::random_settings;
-pub(crate) use nsga2::Search;
+mod ranking;
 #[cfg(test)]
-pub(crate) use nsga2::SearchOutcome;
+mod tests;
+mod variation;
+
+pub(crate) use nsga2::Search;
+pub(crate) use variation::random_settings;

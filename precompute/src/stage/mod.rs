@@ -49,7 +49,9 @@ pub(crate) use frame_renderer::StageFrameRenderer;
 pub use options::{Component, Output, StageOptions};
 pub(crate) use remote::{RemoteError, RemoteStage, StageRequest, serve};
 pub use useful::every_knob;
-pub(crate) use useful::{knobs, useful_knobs};
+#[cfg(test)]
+pub(crate) use useful::knobs;
+pub(crate) use useful::useful_knobs;
 pub use world::populate;
 
 /// A scene on a headless renderer.

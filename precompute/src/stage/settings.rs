@@ -6,6 +6,7 @@ use bevy_frugal_gi::gi::CameraCut;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace, KnobSpaceError};
 
 use super::{Stage, StageError, world};
+use crate::default_settings::default_settings;
 
 /// The space of the knobs called `names`, opt-in ones included.
 ///
@@ -42,8 +43,9 @@ impl Stage {
         let _ = self.insert_settings(space, settings);
     }
 
-    /// Sets knobs from text with a camera cut: `max`, `min`, or `knob=level` pairs; the others on
-    /// offer are set to their best. The text may name opt-in knobs.
+    /// Sets knobs from text with a camera cut: `max`, `min`, `default`, or `knob=level` pairs; the
+    /// others on offer are set to their best. The text may name opt-in knobs. `default`: the levels of
+    /// `FrugalGi::default()`.
     ///
     /// # Errors
     /// When the text has another form, or names an unknown knob or level.
@@ -62,7 +64,11 @@ impl Stage {
         let offered = self.space.knobs().iter().map(|knob| knob.name.as_str());
         let names = text.split(',').filter_map(|part| Some(part.split_once('=')?.0.trim()));
         let space = named(registry, offered.chain(names))?;
-        let settings = space.parse(text)?;
+        let parts = text.split(',').map(|part| match part.trim() {
+            "default" => space.describe(default_settings(&space)),
+            part => part.to_owned(),
+        });
+        let settings = space.parse(&parts.collect::<Vec<_>>().join(","))?;
         self.insert_settings(Arc::new(space), settings)
     }
 

@@ -8,7 +8,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use crate::scene::CameraPose;
 
 /// Measures the cost of settings at a camera: by a renderer, or by a formula in tests.
-pub trait Measure {
+pub(crate) trait Measure {
     /// Why a measurement failed.
     type Error;
 
@@ -46,7 +46,7 @@ pub trait Measure {
 
 /// Settings to measure at one camera.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Batch {
+pub(crate) struct Batch {
     /// The poses of consecutive frames.
     pub clip: Vec<CameraPose>,
     /// The settings.
@@ -55,7 +55,7 @@ pub struct Batch {
 
 /// A cost of [`Measure::measure_all`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub(crate) struct Measured {
     /// Number of the batch.
     pub batch: usize,
     /// The settings.

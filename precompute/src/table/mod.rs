@@ -5,19 +5,17 @@
 //! the renderer.
 
 mod measure;
-mod sweep;
 
 use std::collections::HashMap;
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
-pub use measure::{Batch, Measure, Measured};
-pub use sweep::{ASSUMED_LAYOUT, SweepFacts, SweepTable, SweepTableError};
+pub(crate) use measure::{Batch, Measure, Measured};
 
 /// Power and error by camera and settings. Settings that were not rendered are unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct CostTable {
+pub(crate) struct CostTable {
     rows: usize,
     settings: Vec<KnobLevels>,
     columns: HashMap<KnobLevels, usize>,
@@ -29,27 +27,27 @@ impl CostTable {
     const UNKNOWN: CostPoint = CostPoint::new(f64::NAN, f64::NAN);
 
     /// An empty table of `rows` cameras.
-    pub fn new(rows: usize) -> Self {
+    pub(crate) fn new(rows: usize) -> Self {
         Self { rows, ..Self::default() }
     }
 
     /// Number of cameras.
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.rows
     }
 
     /// All settings with a known cost, in the order of insertion.
-    pub fn settings(&self) -> &[KnobLevels] {
+    pub(crate) fn settings(&self) -> &[KnobLevels] {
         &self.settings
     }
 
     /// Column of `settings`.
-    pub fn column(&self, settings: KnobLevels) -> Option<usize> {
+    pub(crate) fn column(&self, settings: KnobLevels) -> Option<usize> {
         self.columns.get(&settings).copied()
     }
 
     /// Sets the cost of `settings` at camera `row`. Rows beyond the table are ignored.
-    pub fn set(&mut self, row: usize, settings: KnobLevels, cost: CostPoint) {
+    pub(crate) fn set(&mut self, row: usize, settings: KnobLevels, cost: CostPoint) {
         let column = *self.columns.entry(settings).or_insert_with(|| {
             self.settings.push(settings);
             self.costs.push(vec![Self::UNKNOWN; self.rows]);
@@ -61,22 +59,22 @@ impl CostTable {
     }
 
     /// The cost of `settings` at camera `row`, if known.
-    pub fn get(&self, row: usize, settings: KnobLevels) -> Option<CostPoint> {
+    pub(crate) fn get(&self, row: usize, settings: KnobLevels) -> Option<CostPoint> {
         self.at(row, self.column(settings)?)
     }
 
     /// The same by column.
-    pub fn at(&self, row: usize, column: usize) -> Option<CostPoint> {
+    pub(crate) fn at(&self, row: usize, column: usize) -> Option<CostPoint> {
         self.costs.get(column)?.get(row).copied().filter(|cost| cost.is_finite())
     }
 
     /// The known costs of a column, each with its row.
-    pub fn known(&self, column: usize) -> impl Iterator<Item = (usize, CostPoint)> + '_ {
+    pub(crate) fn known(&self, column: usize) -> impl Iterator<Item = (usize, CostPoint)> + '_ {
         (0..self.rows).filter_map(move |row| Some((row, self.at(row, column)?)))
     }
 
     /// Mean error of the known costs of `settings`; `None` where none is known.
-    pub fn known_mean_error(&self, settings: KnobLevels) -> Option<f64> {
+    pub(crate) fn known_mean_error(&self, settings: KnobLevels) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0);
         for (_, cost) in self.known(self.column(settings)?) {
             sum += cost.error;
@@ -86,7 +84,11 @@ impl CostTable {
     }
 
     /// Mean of a column over `rows`; `None` where one of them is unknown, or `rows` is empty.
-    pub fn mean(&self, column: usize, rows: impl IntoIterator<Item = usize>) -> Option<CostPoint> {
+    pub(crate) fn mean(
+        &self,
+        column: usize,
+        rows: impl IntoIterator<Item = usize>,
+    ) -> Option<CostPoint> {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0);
         for row in rows {
             let cost = self.at(row, column)?;
@@ -98,13 +100,13 @@ impl CostTable {
     }
 
     /// Whether a column is known at every row.
-    pub fn is_complete(&self, column: usize) -> bool {
+    pub(crate) fn is_complete(&self, column: usize) -> bool {
         (0..self.rows).all(|row| self.at(row, column).is_some())
     }
 
     /// The table of the columns that `keep` accepts.
     #[must_use]
-    pub fn with_columns(&self, mut keep: impl FnMut(KnobLevels) -> bool) -> Self {
+    pub(crate) fn with_columns(&self, mut keep: impl FnMut(KnobLevels) -> bool) -> Self {
         let mut kept = Self::new(self.rows);
         for (column, settings) in
             self.settings.iter().enumerate().filter(|(_, settings)| keep(**settings))
@@ -118,7 +120,7 @@ impl CostTable {
 
     /// The table of the cameras in `rows`, in that order.
     #[must_use]
-    pub fn with_rows(&self, rows: &[usize]) -> Self {
+    pub(crate) fn with_rows(&self, rows: &[usize]) -> Self {
         let mut kept = Self { rows: rows.len(), ..self.clone() };
         for (column, costs) in kept.costs.iter_mut().zip(&self.costs) {
             *column =

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use bevy_frugal_gi::knobs::did_you_mean;
+use bevy_frugal_gi::units::Watts;
 
 use super::super::CliError;
 use super::super::arguments::duration;
-use crate::cameras::{TrackSample, recorded, tracks_of};
+use crate::cameras::{TrackSample, recorded_tracks, tracks_of};
+use crate::evaluate::PowerBudget;
 use crate::pipeline::PipelineConfig;
 use crate::scene::SceneDescription;
 
@@ -16,7 +18,7 @@ const FASTEST: f64 = 1000.0;
 
 /// Tracks, on and around which cameras are sampled.
 #[derive(clap::Args, Debug, Clone)]
-pub(in crate::cli) struct TrackArguments {
+pub(super) struct TrackArguments {
     /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
     #[arg(long = "cameras", value_name = "FILE")]
     pub recordings: Vec<PathBuf>,
@@ -27,7 +29,7 @@ pub(in crate::cli) struct TrackArguments {
 
 /// Training cameras, and extent and duration of the search.
 #[derive(clap::Args, Debug, Clone)]
-pub(in crate::cli) struct SearchArguments {
+pub(super) struct SearchArguments {
     #[command(flatten)]
     pub tracks: TrackArguments,
     /// Training cameras; further ones, a sixth of their number, calibrate error budgets
@@ -35,7 +37,7 @@ pub(in crate::cli) struct SearchArguments {
     pub training: usize,
     /// Power threshold for dividing a node: watts, or a share of the power range
     #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
-    pub power_threshold: Threshold,
+    pub power_threshold: PowerBudget,
     /// Error threshold for dividing a node (1 − SSIM): a node is divided where either is exceeded
     /// and the division lowers the cost
     #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
@@ -52,34 +54,13 @@ pub(in crate::cli) struct SearchArguments {
 }
 
 /// Watts, or a share of the range of power.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::cli) enum Threshold {
-    Watts(f64),
-    Share(f64),
-}
-
-impl std::fmt::Display for Threshold {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Watts(watts) => write!(f, "{watts} W"),
-            Self::Share(share) => write!(f, "{} %", 100.0 * share),
-        }
-    }
-}
-
-fn threshold(text: &str) -> Result<Threshold, String> {
-    let text = text.trim();
-    let (number, relative) = match text.strip_suffix('%') {
-        Some(number) => (number, true),
-        None => (text.strip_suffix(['W', 'w']).unwrap_or(text), false),
-    };
-    match number.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 && relative => {
-            Ok(Threshold::Share(value / 100.0))
-        }
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(Threshold::Watts(value)),
-        _ => Err("expected watts or a share, as in 0.5W or 10%".to_owned()),
-    }
+fn threshold(text: &str) -> Result<PowerBudget, String> {
+    PowerBudget::read(text)
+        .filter(|threshold| {
+            let (PowerBudget::Power(Watts(number)) | PowerBudget::Share(number)) = *threshold;
+            number.is_finite() && number >= 0.0
+        })
+        .ok_or_else(|| "expected watts or a share, as in 0.5W or 10%".to_owned())
 }
 
 /// `0/4`.
@@ -94,7 +75,7 @@ pub(super) fn shard(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl SearchArguments {
-    pub(in crate::cli) fn check(&self) -> Result<(), CliError> {
+    pub(super) fn check(&self) -> Result<(), CliError> {
         if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
             return Err(CliError::usage(format!(
                 "--error-threshold {}: must be a finite number, 0 or above",
@@ -118,8 +99,8 @@ impl SearchArguments {
         config.fit.levels = self.levels;
         config.fit.error_threshold = self.error_threshold;
         match self.power_threshold {
-            Threshold::Watts(watts) => config.fit.power_threshold_w = watts,
-            Threshold::Share(share) => config.fit.power_threshold_share = share,
+            PowerBudget::Power(watts) => config.fit.power_threshold_w = watts.0,
+            PowerBudget::Share(share) => config.fit.power_threshold_share = share,
         }
         config
     }
@@ -127,7 +108,7 @@ impl SearchArguments {
 
 impl TrackArguments {
     /// Tracks of the scene's paths and of recordings.
-    pub(in crate::cli) fn tracks(
+    pub(super) fn tracks(
         &self,
         scene: &SceneDescription,
         fps: f64,
@@ -154,7 +135,7 @@ impl TrackArguments {
         }
         let mut tracks = tracks_of(paths, fps);
         for file in &self.recordings {
-            tracks.extend(recorded(file, fps).map_err(CliError::usage)?);
+            tracks.extend(recorded_tracks(file, fps).map_err(CliError::usage)?);
         }
         Ok(tracks)
     }

@@ -6,17 +6,19 @@ mod search;
 
 use std::path::PathBuf;
 
+use super::CliError;
 use super::arguments::{
-    CaptureArguments, WorkerArguments, check_outputs, check_report, open_scene, write, write_report,
+    CaptureArguments, WorkerArguments, check_outputs, check_report, write, write_report,
 };
-use super::journal::{JournalArguments, JournalUse, journal_path};
-use super::{CliError, inspect};
-use crate::report::{Report, map_section, search_section};
+use super::input::{open_scene, stage_for};
+use super::journal::{JournalArguments, JournalUse, journal_path, other_journals};
+use crate::report::{MapSummary, Report, map_section, search_section};
+use crate::stage::RemoteStage;
 
+use arguments::SearchArguments;
 use arguments::shard;
-pub(super) use arguments::{SearchArguments, TrackArguments};
-pub(super) use outcome::print_outcome;
-pub(super) use search::{SearchPlan, Searched, open_stage, prices, search};
+use outcome::print_outcome;
+use search::{SearchPlan, Searched, search};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -30,8 +32,9 @@ pub(super) struct Arguments {
     capture: CaptureArguments,
     #[command(flatten)]
     search: SearchArguments,
-    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
-    /// merge joins the journals. Without a time limit, which each shard would keep apart
+    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; with --resume
+    /// a shard reads the others' journals beside the map. Without a time limit, which each shard would
+    /// keep apart
     #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "time_limit")]
     shard: Option<(usize, usize)>,
     #[command(flatten)]
@@ -54,6 +57,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     arguments.search.check()?;
     let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.image.fps)?;
     let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
+    let journal = journal_path(&output, arguments.shard);
     let plan = SearchPlan {
         scene: &scene,
         name: &name,
@@ -61,22 +65,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         capture: &arguments.capture,
         arguments: &arguments.search,
         shard: arguments.shard.unwrap_or((0, 1)),
-        journal: journal_path(&output, arguments.shard),
+        others: other_journals(&output, &journal),
+        journal,
         existing: arguments.journal.existing(),
-        of: JournalUse::PRECOMPUTE,
+        of: JournalUse::Precompute,
     };
     plan.check_journal()?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, workers)?;
+    let request = stage_for(&scene, &arguments.capture)?;
+    let mut stage = RemoteStage::open(&scene, request, workers)?;
     let searched = search(&mut stage, &plan)?;
     write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {name}"));
         report.section(search_section(&searched.summary())?);
-        report.section(map_section(&inspect::summary(&searched.map))?);
+        report.section(map_section(&MapSummary::of(&searched.map))?);
         write_report(folder, &report.render())?;
     }
-    // The run is complete: its journal is not needed.
-    let _ = std::fs::remove_file(&plan.journal);
+    // The run is complete: its journal is not needed, but other shards read a shard's.
+    if arguments.shard.is_none() {
+        let _ = std::fs::remove_file(&plan.journal);
+    }
     Ok(())
 }

@@ -4,7 +4,7 @@ use super::Searched;
 use crate::pipeline::{Extent, describe};
 
 /// Prints effort, losses, size of the map and accuracy of its figures.
-pub(in crate::cli) fn print_outcome(searched: &Searched) {
+pub(super) fn print_outcome(searched: &Searched) {
     let Searched { map, outcome, cameras } = searched;
     let (made, seconds) = outcome.effort;
     println!(

@@ -1,55 +1,34 @@
 //! One search: cameras, pipeline, and the map of what it found.
 
 use std::cell::LazyCell;
-use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use bevy_frugal_gi::frontier::{
-    Bounds, Capture, FrontierMap, KnobEffects, SceneIdentity, Thresholds, WorkPrices,
-};
-use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity};
 use bevy_frugal_gi::power::detect;
 
+use super::super::CliError;
 use super::super::arguments::CaptureArguments;
+use super::super::input::knobs;
 use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
-use super::super::{CliError, progress};
+use super::super::progress::Progress;
 use super::SearchArguments;
 use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
 use crate::device;
 use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::pipeline::{
-    CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, run as run_pipeline,
+    self, CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
-use crate::stage::{self, RemoteError, RemoteStage, StageRequest};
+use crate::stage::{self, RemoteError, RemoteStage};
 use crate::view_features::ViewDescriber;
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
-const MOST_CALIBRATION: usize = 24;
-
-/// Stages `scene` with the requested knobs, or with those that affect it.
-pub(in crate::cli) fn open_stage(
-    scene: &SceneDescription,
-    path: &Path,
-    capture: &CaptureArguments,
-    workers: NonZeroUsize,
-) -> Result<RemoteStage, CliError> {
-    let request = StageRequest { knobs: Some(knobs(scene, capture)?), ..capture.request(path) };
-    Ok(RemoteStage::open(scene, request, workers)?)
-}
-
-/// Names of the requested knobs, or of those that affect the scene.
-fn knobs(scene: &SceneDescription, capture: &CaptureArguments) -> Result<Vec<String>, CliError> {
-    Ok(match &capture.image.knobs {
-        Some(names) => names.clone(),
-        None => stage::useful_knobs(scene)?,
-    })
-}
+const MAX_CALIBRATION: usize = 24;
 
 /// A map and the outcome of its search.
-pub(in crate::cli) struct Searched {
+pub(super) struct Searched {
     pub map: FrontierMap,
     pub outcome: Outcome,
     pub cameras: CameraSet,
@@ -57,13 +36,13 @@ pub(in crate::cli) struct Searched {
 
 impl Searched {
     /// For the report.
-    pub(in crate::cli) fn summary(&self) -> SearchSummary<'_> {
+    pub(super) fn summary(&self) -> SearchSummary<'_> {
         SearchSummary { map: &self.map, outcome: &self.outcome, cameras: &self.cameras }
     }
 }
 
 /// What is searched, and which journal keeps it.
-pub(in crate::cli) struct SearchPlan<'a> {
+pub(super) struct SearchPlan<'a> {
     pub scene: &'a SceneDescription,
     /// The scene's name.
     pub name: &'a str,
@@ -73,13 +52,15 @@ pub(in crate::cli) struct SearchPlan<'a> {
     /// The shard: its number, from 0, and the number of shards.
     pub shard: (usize, usize),
     pub journal: PathBuf,
+    /// Journals of the same run, which are read.
+    pub others: Vec<PathBuf>,
     pub existing: Existing,
     pub of: JournalUse,
 }
 
 impl SearchPlan<'_> {
     /// Fails if the journal that is there must be left as it is, before a renderer starts.
-    pub(in crate::cli) fn check_journal(&self) -> Result<(), CliError> {
+    pub(super) fn check_journal(&self) -> Result<(), CliError> {
         if !self.journal.exists() {
             return Ok(());
         }
@@ -134,10 +115,7 @@ impl SearchPlan<'_> {
 }
 
 /// Samples cameras and runs the pipeline.
-pub(in crate::cli) fn search(
-    stage: &mut RemoteStage,
-    plan: &SearchPlan<'_>,
-) -> Result<Searched, CliError> {
+pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<Searched, CliError> {
     let SearchPlan { scene, tracks, arguments, of, .. } = *plan;
     let config = arguments.config();
     let space = stage.space().clone();
@@ -147,7 +125,7 @@ pub(in crate::cli) fn search(
     let header = rendered_by(plan.header()?, &space, &stage.meter())?
         .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("configuration", format!("{:016x}", hash(&format!("{config:?}"))));
-    let journal = open_journal(&plan.journal, &header, plan.existing, of)?;
+    let journal = open_journal(&plan.journal, &header, plan.existing, of, &plan.others)?;
     eprintln!(
         "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
         space.len(),
@@ -176,8 +154,10 @@ pub(in crate::cli) fn search(
         idle,
         describe: &describe,
     };
-    let bar = progress::bar(0);
-    let mut report = progress::of_renderings(&bar);
+    let shown = Progress::new(0, "renderings");
+    let mut report = |progress: &pipeline::Progress<'_>| {
+        shown.at(progress.done, progress.total, format!("renderings, {}", progress.stage))
+    };
     let setup = Setup {
         measure: stage,
         journal,
@@ -188,49 +168,21 @@ pub(in crate::cli) fn search(
         report: &mut report,
     };
     let outcome = run_pipeline(&subject, &config, setup);
-    bar.finish_and_clear();
+    drop(shown);
     let outcome = outcome.map_err(|error| cli_error(error, scene, of))?;
-    let work_prices = prices(&outcome.cost, &space, &layout, capture.frames_per_second);
-    let knob_effects = KnobEffects {
-        joules: crate::cost::saved_joules(&work_prices, &space, &layout),
-        // Six decimals, as the errors of frontiers.
-        errors: outcome
-            .screening
-            .effects
-            .iter()
-            .map(|levels| levels.iter().map(|error| six_decimals(*error)).collect())
-            .collect(),
-    };
-    let map = FrontierMap {
-        version: FrontierMap::VERSION,
-        scene: identity,
-        capture,
-        meter: stage.meter(),
-        thresholds: Thresholds {
-            power_w: outcome.fitted.report.power_threshold_w,
-            error: arguments.error_threshold,
-        },
-        seed: arguments.seed,
-        shared: outcome.fitted.shared.rounded(),
-        error_rates: outcome.error_rates.clone(),
-        work_prices,
-        knob_effects,
-        knobs: space,
-        bounds: map_bounds,
-        octree: outcome.fitted.octree.clone(),
-    };
+    let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter());
     map.validate().map_err(CliError::failed)?;
     Ok(Searched { map, outcome, cameras })
 }
 
-/// Training cameras, and a sixth as many for calibration, up to [`MOST_CALIBRATION`].
+/// Training cameras, and a sixth as many for calibration, up to [`MAX_CALIBRATION`].
 fn sample_cameras(
     stage: &RemoteStage,
     bounds: &scene::Bounds,
     tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
 ) -> CameraSet {
-    let calibration = arguments.training.div_ceil(6).min(MOST_CALIBRATION);
+    let calibration = arguments.training.div_ceil(6).min(MAX_CALIBRATION);
     let counts = [arguments.training, calibration, Extent::WHOLE.views];
     let (mix, lens) = (CameraMix::default(), stage.lens());
     CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
@@ -244,34 +196,8 @@ fn cli_error(
     match error {
         PipelineError::Interrupted => of.interrupted(),
         PipelineError::Journal(error) => of.failed(&error),
-        PipelineError::NeedsMerge => of.needs_merge(),
+        PipelineError::NeedsOthers => of.needs_others(),
         PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
         error => CliError::failed(error),
     }
-}
-
-fn six_decimals(error: f64) -> f64 {
-    format!("{error:.6}").parse().unwrap_or(error)
-}
-
-/// A model's prices as energy, for a map or a device file.
-pub(in crate::cli) fn prices(
-    model: &crate::cost::CostModel,
-    space: &KnobSpace,
-    layout: &FrameLayout,
-    frames_per_second: f64,
-) -> WorkPrices {
-    let kinds = crate::cost::work_names(space);
-    let mut joules: Vec<f64> = model.prices.iter().map(|watts| watts / frames_per_second).collect();
-    joules.resize(kinds.len(), 0.0);
-    let prices = WorkPrices {
-        kinds,
-        joules,
-        idle: model.idle,
-        maps: layout.maps,
-        point_lights: layout.point_lights,
-        has_sky: layout.has_sky,
-        ..WorkPrices::default()
-    };
-    crate::cost::with_shared_knobs(prices, space, layout)
 }

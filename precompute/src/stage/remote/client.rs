@@ -87,11 +87,6 @@ impl RemoteStage {
         self.processes[0].request().size
     }
 
-    /// Target frame rate.
-    pub(crate) fn frames_per_second(&self) -> f64 {
-        self.processes[0].request().frames_per_second
-    }
-
     /// Triangles for ray queries.
     pub(crate) fn rays(&self) -> &RayScene {
         &self.rays

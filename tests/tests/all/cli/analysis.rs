@@ -1,20 +1,17 @@
 //! Commands that render nothing: they need no adapter.
 
 use std::fs;
-use std::path::Path;
 
 use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree};
-use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
+use bevy_frugal_gi::knobs::{Knob, KnobSpace};
 use bevy_frugal_gi_tools::control_log::ControlSample;
 use bevy_frugal_gi_tools::row_log::rows_to_text;
-use frugal::table::{SweepFacts, SweepTable};
 use frugal_tests::map;
 
 use super::{AT, NO_ADAPTER, SCENE, assert_refused, command, entries, folder, run, stderr, write};
 
 tests!(
     references_are_traced_and_compared_without_an_adapter,
-    recorded_tables_are_searched_without_an_adapter,
     maps_that_cost_more_have_their_own_exit_status,
     watts_of_two_devices_are_not_compared,
     presets_come_from_a_map,
@@ -65,79 +62,6 @@ fn references_are_traced_and_compared_without_an_adapter() {
         entries(folder.path()),
         ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]
     );
-}
-
-/// Writes a table of two knobs; `worst` is the error of the lowest settings.
-fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
-    let space =
-        frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
-    let point = |settings| {
-        let [a, b] = [0, 1].map(|knob| KnobLevels::level(settings, knob) as f64);
-        FrontierPoint { settings, cost: CostPoint::new(1.0 + a + b, worst / (1.0 + a + 2.0 * b)) }
-    };
-    let table = SweepTable {
-        facts: SweepFacts::default(),
-        points: space.iter().map(point).collect(),
-        space: space.clone(),
-    };
-    let mut text = Vec::new();
-    table.write(&mut text).expect("written");
-    fs::write(folder.join(name), text).expect("can be written");
-}
-
-fn recorded_tables_are_searched_without_an_adapter() {
-    let folder = folder();
-    let knobs = ["gi_vpl_count", "shadow_map_resolution"];
-    sweep_table(folder.path(), "a.csv", knobs, 0.1);
-    sweep_table(folder.path(), "b.csv", knobs, 0.2);
-    sweep_table(folder.path(), "c.csv", ["gi_vpl_count", "antialiasing"], 0.2);
-    let search = |rest: &[&str]| run(folder.path(), &[&["search"][..], rest].concat());
-    let output = search(&[
-        "a.csv",
-        "--known",
-        "b.csv",
-        "--seeds",
-        "3",
-        "--errors",
-        "0.02,0.04",
-        "--json",
-        "out.json",
-    ]);
-    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    for word in
-        ["32 of 32 combinations", "random", "nsga2", "frugal-cold", "frugal-warm", "100 %", "0.04"]
-    {
-        assert!(printed.contains(word), "`{word}` is missing in: {printed}");
-    }
-    let json = fs::read_to_string(folder.path().join("out.json")).expect("was written");
-    for key in [
-        "\"best_w\"",
-        "\"median\"",
-        "\"reached\": 1.0",
-        "\"renderings\"",
-        "\"method\": \"frugal-warm\"",
-    ] {
-        assert!(json.contains(key), "`{key}` is missing in: {json}");
-    }
-    let text = fs::read_to_string(folder.path().join("a.csv")).expect("was written");
-    write(folder.path(), "nan.csv", &text.replacen(",2,", ",NaN,", 1));
-    write(folder.path(), "cut.csv", text.rsplit_once(',').map_or("", |(whole, _)| whole));
-    let before = entries(folder.path());
-    for (arguments, words) in [
-        (&["missing.csv"][..], &["missing.csv", "frugal sweep --csv"][..]),
-        (&["nan.csv"], &["nan.csv:", "power_w", "NaN"]),
-        (&["cut.csv"], &["cut.csv:34: row:", "cut off"]),
-        (&["a.csv", "--known", "c.csv"], &["c.csv", "antialiasing", "shadow_map_resolution"]),
-        (&["a.csv", "--errors", "0.001"], &["a.csv", "0.001", "--errors"]),
-        (&["a.csv", "--errors", "NaN"], &["--errors"]),
-        (&["a.csv", "--within", "-5%"], &["--within"]),
-        (&["a.csv", "--seeds", "0"], &["--seeds"]),
-        (&["a.csv", "--json", "no/such/out.json"], &["no/such/out.json"]),
-    ] {
-        assert_refused(&search(arguments), words);
-    }
-    assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
 /// A map with a shared frontier, with all powers multiplied by `scale`.
@@ -268,7 +192,7 @@ fn control_logs_are_plotted() {
     let text =
         rows_to_text(&[sample(0.0, 4.0), sample(0.5, 6.5), sample(1.5, 4.0), sample(0.0, 3.0)]);
     write(folder.path(), "play.csv", &text);
-    let output = run(folder.path(), &["report", "play.csv"]);
+    let output = run(folder.path(), &["plot-log", "play.csv"]);
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{}", stderr(&output));
     for text in ["run 1, camera 0", "run 2, camera 0", "1 of 2 windows", "simulated (modelled)"] {
@@ -278,10 +202,10 @@ fn control_logs_are_plotted() {
     assert_eq!(page.matches("<svg ").count(), 2);
 
     write(folder.path(), "odd.csv", &text.replacen("5.0", "five", 1));
-    let refused = run(folder.path(), &["report", "odd.csv", "-o", "none"]);
+    let refused = run(folder.path(), &["plot-log", "odd.csv", "-o", "none"]);
     assert_refused(&refused, &["odd.csv", "line 2", "power_budget_w", "five", "correct the line"]);
     write(folder.path(), "empty.csv", &rows_to_text::<ControlSample>(&[]));
-    assert_refused(&run(folder.path(), &["report", "empty.csv"]), &["empty.csv", "no samples"]);
+    assert_refused(&run(folder.path(), &["plot-log", "empty.csv"]), &["empty.csv", "no samples"]);
     assert_refused(&run(folder.path(), &["report", "missing.csv"]), &["missing.csv"]);
     let left = entries(folder.path());
     assert!(!left.iter().any(|name| name == "none" || name == "empty.report"), "{left:?}");

@@ -183,10 +183,7 @@ fn options_that_would_be_ignored_are_refused() {
     };
     refused(&several, &["--csv", "frames.csv"]);
     refused(&several, &["--report", "report"]);
-    refused(&one, &["--record", "a.record"]);
-    refused(&one, &["--spot-checks", "1"]);
-    refused(&one, &["--spot-checks", "0"]);
-    refused(&one, &["--workers", "2", "--meter", "work"]);
+    refused(&one, &["--spot-checks", "2"]);
     refused(&none, &["--spot-checks", "2"]);
 
     let before = entries(folder.path());
@@ -197,16 +194,7 @@ fn options_that_would_be_ignored_are_refused() {
             &["--shard", "--time-limit"][..],
         ),
         (&["precompute", "a.scene.ron", "--resume", "--overwrite"], &["--resume", "--overwrite"]),
-        (&["demo", "a.scene.ron", "--shard", "0/2"], &["--shard"]),
         (&["inspect", "a.pareto.ron", "--any-device"], &["--compare"]),
-        (
-            &[
-                &["regret", "a.scene.ron", "--map", "a.pareto.ron"][..],
-                &["--searched", "0", "--renderings", "9"],
-            ]
-            .concat(),
-            &["--renderings", "--searched"],
-        ),
         (&[&["render", "a.scene.ron", "--meter", "work"][..], &AT].concat(), &["--meter"]),
         (&[&["reference", "a.scene.ron"][..], &AT, &direct].concat(), &["--bounces", "direct"]),
     ] {

@@ -1,27 +1,17 @@
 //! A search that was killed resumes from its journal, which nothing else takes or empties.
 
 use std::fs;
-use std::io::BufRead as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::FrontierMap;
 
-use super::{assert_refused, command, run, stderr};
+use super::{assert_refused, command, run, stderr, tiny_scene};
 
 tests!(a_killed_search_is_resumed);
 
 const MAP: &str = "a.pareto.ron";
 
-/// One triangle without punctual lights: few views contain it, and a frame takes milliseconds.
-const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 900.0, 900.0)), camera: (vertical_fov: 50.0),
-    bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)),
-    paths: { "tour": [
-        (time: 0.0, position: (0.3, 0.3, 1.0), look_at: (0.3, 0.3, 0.0)),
-        (time: 0.3, position: (0.4, 0.3, 1.0), look_at: (0.4, 0.3, 0.0)),
-    ] })"#;
-
-/// The same search by `precompute` and by `demo`, whose maps have one place.
 const SEARCH: [&str; 6] =
     ["--size", "32x32", "--levels", "0", "--knobs", "antialiasing,post_processing"];
 
@@ -35,9 +25,7 @@ fn lines(journal: &Path) -> usize {
 }
 
 fn a_killed_search_is_resumed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    fs::write(folder.path().join("a.scene.ron"), SCENE).expect("can be written");
-    fs::write(folder.path().join("a.glb"), super::triangle()).expect("can be written");
+    let folder = tiny_scene();
     let journal = folder.path().join(format!("{MAP}.journal"));
     let mut child = command(folder.path(), &precompute(&[]))
         .stderr(std::process::Stdio::null())
@@ -54,9 +42,7 @@ fn a_killed_search_is_resumed() {
     wait_for(5);
     // While it runs, nobody takes its journal.
     let name = journal.file_name().and_then(|name| name.to_str()).expect("a name");
-    for arguments in
-        [&["merge", name][..], &["merge", name, "-o", "merged"], &precompute(&["--resume"])]
-    {
+    for arguments in [&["merge", name][..], &precompute(&["--resume"])] {
         assert_refused(&run(folder.path(), arguments), &[name, "in use"]);
     }
     wait_for(20);
@@ -77,22 +63,7 @@ fn a_killed_search_is_resumed() {
         let words = ["its seed is `0`, here it is `9`", "--overwrite"];
         assert_refused(&run(folder.path(), &precompute(more)), &words);
     }
-    let demo = [&["demo", "a.scene.ron", "-o", "."][..], &SEARCH].concat();
-    let other = run(folder.path(), &[&demo[..], &["--seed", "9"]].concat());
-    assert_refused(&other, &["its seed is `0`, here it is `9`", "--overwrite"]);
-    assert!(!stderr(&other).contains("--resume"), "the demo has none: {}", stderr(&other));
     assert!(fs::read(&journal).expect("still there") == bytes, "the journal was changed");
-
-    // The demo goes on by itself.
-    let mut child =
-        command(folder.path(), &demo).stdout(std::process::Stdio::null()).spawn().expect("starts");
-    let said = std::io::BufReader::new(child.stderr.take().expect("its messages"));
-    let told = said.lines().map_while(Result::ok).find(|line| line.starts_with("resuming after "));
-    child.kill().expect("can be killed");
-    child.wait().expect("ends");
-    assert!(told.is_some(), "the demo did not resume");
-    assert!(lines(&journal) >= kept, "the demo dropped records");
-    let kept = lines(&journal) - 1;
 
     let resumed = run(folder.path(), &precompute(&["--resume"]));
     let said = stderr(&resumed);

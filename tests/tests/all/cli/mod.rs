@@ -4,6 +4,7 @@
 //! output, and never panic.
 
 pub(crate) mod analysis;
+pub(crate) mod counted;
 pub(crate) mod input;
 pub(crate) mod journal;
 pub(crate) mod outputs;
@@ -84,6 +85,22 @@ fn triangle() -> Vec<u8> {
         &positions[..],
     ]
     .concat()
+}
+
+/// One triangle without punctual lights: few views contain it, and a frame takes milliseconds.
+const TINY_SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 900.0, 900.0)), camera: (vertical_fov: 50.0),
+    bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)),
+    paths: { "tour": [
+        (time: 0.0, position: (0.3, 0.3, 1.0), look_at: (0.3, 0.3, 0.0)),
+        (time: 0.3, position: (0.4, 0.3, 1.0), look_at: (0.4, 0.3, 0.0)),
+    ] })"#;
+
+/// A folder with [`TINY_SCENE`].
+fn tiny_scene() -> TempDir {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", TINY_SCENE);
+    fs::write(folder.path().join("a.glb"), triangle()).expect("can be written");
+    folder
 }
 
 /// Writes a scene and a map of it.

@@ -19,7 +19,6 @@ fn unwritable_outputs_are_named_before_the_work() {
         for arguments in [
             [&["render", "a.scene.ron"][..], &AT, &["-o", output]].concat(),
             [&["render", "a.scene.ron"][..], &AT, &["--hdr", output]].concat(),
-            [&["sweep", "a.scene.ron"][..], &AT, &["--csv", output]].concat(),
             [&["precompute", "a.scene.ron"][..], &["-o", output]].concat(),
             [&["merge", "a.scene.ron"][..], &["-o", output]].concat(),
             [
@@ -36,20 +35,15 @@ fn unwritable_outputs_are_named_before_the_work() {
             assert_refused(&run(folder.path(), &arguments), &[&format!("`{output}`")]);
         }
     }
-    // Folders of reports, and a demo's.
+    // Folders of reports.
     for arguments in [
         &["precompute", "a.scene.ron", "--report", "file"][..],
         &["precompute", "a.scene.ron", "--report", "file/report"],
-        &[&["sweep", "a.scene.ron", "--report", "file"][..], &AT].concat(),
         &["inspect", "a.pareto.ron", "--report", "file"],
-        &["demo", "a.scene.ron", "--output", "file"],
     ] {
         assert_refused(&run(folder.path(), arguments), &["file"]);
     }
     assert_eq!(entries(folder.path()), before, "files appeared");
-    std::fs::create_dir_all(folder.path().join("demo/a.pareto.ron")).expect("can be made");
-    let demo = run(folder.path(), &["demo", "a.scene.ron", "--output", "demo"]);
-    assert_refused(&demo, &["demo/a.pareto.ron"]);
 }
 
 fn a_missing_adapter_is_reported() {

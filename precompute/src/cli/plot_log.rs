@@ -1,4 +1,4 @@
-//! `frugal report`: plots the control log of an app.
+//! `frugal plot-log`: plots the control log of an app.
 
 use std::path::PathBuf;
 

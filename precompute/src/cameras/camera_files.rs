@@ -52,7 +52,7 @@ pub(crate) enum RecordedError {
 ///
 /// # Errors
 /// When the file cannot be read, is no recording, or is empty.
-pub(crate) fn recorded(
+pub(crate) fn recorded_tracks(
     path: &Path,
     frames_per_second: f64,
 ) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
@@ -140,16 +140,18 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("cameras.txt");
         std::fs::write(&file, rows_to_text(&samples)).expect("room");
-        let tracks = recorded(&file, 10.0).expect("a recording");
+        let tracks = recorded_tracks(&file, 10.0).expect("a recording");
         assert_eq!(tracks.iter().map(Vec::len).collect::<Vec<_>>(), [5, 1]);
         assert!((tracks[0][4].pose.position.x - 0.8).abs() < 1e-6, "{tracks:?}");
         assert!((tracks[0][4].velocity - Vec3::X * 2.0).length() < 1e-5, "{tracks:?}");
         std::fs::write(&file, rows_to_text::<CameraSample>(&[])).expect("room");
-        assert!(matches!(recorded(&file, 10.0), Err(RecordedError::Empty { .. })));
+        assert!(matches!(recorded_tracks(&file, 10.0), Err(RecordedError::Empty { .. })));
         std::fs::write(&file, "no recording\n").expect("room");
-        assert!(recorded(&file, 10.0).expect_err("refused").to_string().contains("cameras.txt"));
+        assert!(
+            recorded_tracks(&file, 10.0).expect_err("refused").to_string().contains("cameras.txt")
+        );
         let none = folder.path().join("none");
-        assert!(matches!(recorded(&none, 10.0), Err(RecordedError::File { .. })));
+        assert!(matches!(recorded_tracks(&none, 10.0), Err(RecordedError::File { .. })));
     }
 
     /// Time, and place along x.
@@ -159,7 +161,7 @@ mod tests {
         let samples: Vec<CameraSample> =
             places.iter().map(|(time_s, x)| sample(*time_s, 0, *x)).collect();
         std::fs::write(&file, rows_to_text(&samples)).expect("room");
-        recorded(&file, fps).expect("a recording").remove(0)
+        recorded_tracks(&file, fps).expect("a recording").remove(0)
     }
 
     #[test]

@@ -1,8 +1,9 @@
-//! Mutation of levels: mostly a creep to a neighbour, sometimes a jump (Davis 1991, "Handbook of
-//! Genetic Algorithms", chapter 5, creep).
+//! Variation of settings: crossover and mutation.
 //!
-//! Levels are ordered, and neighbours cost almost the same: single steps stay near the parent,
-//! jumps leave local optima.
+//! Crossover is uniform (Syswerda 1989, "Uniform crossover in genetic algorithms"), and not at one or
+//! two points, because the order of knobs in a space is arbitrary. Mutation is mostly a creep to a
+//! neighbouring level, sometimes a jump (Davis 1991, "Handbook of Genetic Algorithms", chapter 5):
+//! neighbours cost almost the same, and jumps leave local optima.
 
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use rand::{Rng, RngExt};
@@ -10,8 +11,24 @@ use rand::{Rng, RngExt};
 /// Share of changes that are jumps to any other level.
 const JUMP: f64 = 0.2;
 
+/// Two offspring, each knob's two levels swapped between them with probability ½.
+pub(super) fn swap_levels(
+    space: &KnobSpace,
+    parents: [KnobLevels; 2],
+    random: &mut impl Rng,
+) -> [KnobLevels; 2] {
+    let [mut one, mut other] = parents;
+    for knob in 0..space.len() {
+        if random.random_bool(0.5) {
+            one = one.with_level(knob, parents[1].level(knob));
+            other = other.with_level(knob, parents[0].level(knob));
+        }
+    }
+    [one, other]
+}
+
 /// `settings` with each knob changed with `probability`.
-pub(crate) fn mutate(
+pub(super) fn mutate(
     space: &KnobSpace,
     settings: KnobLevels,
     probability: f64,
@@ -27,7 +44,7 @@ pub(crate) fn mutate(
 }
 
 /// `settings` with one knob changed; unchanged only if no knob has two levels.
-pub(crate) fn mutate_one(
+pub(super) fn mutate_one(
     space: &KnobSpace,
     settings: KnobLevels,
     random: &mut impl Rng,
@@ -120,5 +137,26 @@ mod tests {
         }
         let fixed = KnobSpace::new(vec![Knob::new("a", [0.0])]).expect("a valid space");
         assert_eq!(mutate_one(&fixed, fixed.lowest(), &mut random), fixed.lowest());
+    }
+
+    #[test]
+    fn every_level_comes_from_one_parent_and_none_is_lost() {
+        let space = KnobSpace::new(
+            (0..8).map(|i| Knob::new(&format!("k{i}"), [0.0, 1.0, 2.0, 3.0])).collect(),
+        )
+        .expect("a valid space");
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let parents = [space.lowest(), space.highest()];
+        let mut swaps = [0; 8];
+        for _ in 0..1000 {
+            let [one, other] = swap_levels(&space, parents, &mut random);
+            for (knob, swaps) in swaps.iter_mut().enumerate() {
+                assert_eq!(one.level(knob) + other.level(knob), 3, "one parent's level each");
+                assert!([0, 3].contains(&one.level(knob)));
+                *swaps += usize::from(one.level(knob) == 3);
+            }
+        }
+        // Five standard deviations of 1000 fair coins are 79.
+        assert!(swaps.iter().all(|count| count.abs_diff(500) < 80), "{swaps:?}");
     }
 }

@@ -7,8 +7,8 @@ use std::sync::mpsc;
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
+use super::path_costs::RecordError;
 use super::play::{Against, play};
-use super::record::RecordError;
 use super::{EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, PathRecord, Progress};
 use crate::journal::{Journal, JournalError};
 use crate::metrics::Reference;
@@ -120,7 +120,7 @@ fn constant<P: FrameRenderer>(
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
     let run = space.describe(settings);
-    play(renderer, path, &run, &mut Fixed(settings), against, &mut |_, _| (), on_frame)
+    play(renderer, path, &run, &mut Fixed(settings), against, on_frame)
 }
 
 /// Exact bits, so that a resumed record is identical.

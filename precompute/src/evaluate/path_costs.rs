@@ -6,18 +6,12 @@
 //! between the recorded ones before and after. The spot check of an
 //! [`EvaluationResult`](super::EvaluationResult) measures the difference with a rendered run.
 
-use std::ops::ControlFlow;
-
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
-use super::play::{Against, play};
-use super::recording::read_line;
-use super::{
-    Choice, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Progress,
-};
+use super::render_path::read_line;
+use super::{Choice, EvaluationError, FrameRecord, PathPlan, Policy};
 use crate::journal::JournalError;
-use crate::metrics::Reference;
 use crate::table::CostTable;
 
 /// Costs of settings at every frame of a path.
@@ -59,49 +53,6 @@ impl PathRecord {
             space: space.clone(),
             table: table.with_columns(|settings| complete.contains(&settings)),
         }
-    }
-
-    /// Renders runs of `policies`, after a run of the best settings, whose images are the
-    /// references. Measures the error of simulation from the record.
-    ///
-    /// # Errors
-    /// When the frame renderer fails or `on_frame` breaks.
-    pub(crate) fn render_runs<P: FrameRenderer>(
-        &self,
-        renderer: &mut P,
-        policies: &mut [Box<dyn Policy + '_>],
-        on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-    ) -> Result<Vec<Vec<FrameRecord>>, EvaluationError<P::Error>> {
-        let frames_total = (1 + policies.len()) * self.path.poses().len();
-        let mut frames_done = 0;
-        let mut told = || {
-            frames_done += 1;
-            on_frame(&Progress { run: "for real", frames_done, frames_total })
-        };
-        let mut references: Vec<Reference> = Vec::new();
-        let best = &mut Fixed(self.space.highest());
-        play(
-            renderer,
-            &self.path,
-            "maximum",
-            best,
-            Against::Collect(&mut references),
-            &mut |_, _| (),
-            &mut told,
-        )?;
-        let mut all = Vec::new();
-        for policy in policies {
-            all.push(play(
-                renderer,
-                &self.path,
-                "frugal",
-                policy.as_mut(),
-                Against::Compare(&references),
-                &mut |_, _| (),
-                &mut told,
-            )?);
-        }
-        Ok(all)
     }
 
     /// Simulates a policy's run from this record.
@@ -187,9 +138,12 @@ const LEAST: f64 = 1e-4;
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+
     use super::*;
     use crate::evaluate::fake::{Fake, path, space};
-    use crate::evaluate::{Controlled, Pose};
+    use crate::evaluate::play::{Against, play};
+    use crate::evaluate::{Controlled, Fixed, Pose};
     use crate::journal::{Existing, Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
@@ -235,15 +189,9 @@ mod tests {
             let mut references = Vec::new();
             let mut renderer = Fake::default();
             let mut run = |settings, against: Against<'_>| {
-                play(
-                    &mut renderer,
-                    &path(),
-                    "run",
-                    &mut Fixed(settings),
-                    against,
-                    &mut |_, _| (),
-                    &mut || ControlFlow::Continue(()),
-                )
+                play(&mut renderer, &path(), "run", &mut Fixed(settings), against, &mut || {
+                    ControlFlow::Continue(())
+                })
                 .expect("plays")
             };
             run(high, Against::Collect(&mut references));

@@ -1,15 +1,49 @@
-//! Crowding distance (Deb et al. 2002, section III-B) and survivor selection.
+//! Ranking of costs: non-dominated fronts and crowding distances (Deb, Pratap, Agarwal, Meyarivan
+//! 2002, "A fast and elitist multiobjective genetic algorithm: NSGA-II", section III).
 
 use std::cmp::Ordering;
 use std::collections::HashSet;
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 
-use super::sorting::fronts;
+/// Indices into `costs` by front: the first is non-dominated, the second is dominated only by the
+/// first, and so on. Within a front, ascending.
+///
+/// O(n²) comparisons, as in the paper; populations are tens. Costs must be finite: NaN is not
+/// dominated by anything and would be in the first front.
+fn fronts(costs: &[CostPoint]) -> Vec<Vec<usize>> {
+    let mut dominated = vec![Vec::new(); costs.len()];
+    let mut dominated_by = vec![0_usize; costs.len()];
+    for (a, one) in costs.iter().enumerate() {
+        for (b, other) in costs.iter().enumerate() {
+            if one.dominates(*other) {
+                dominated[a].push(b);
+                dominated_by[b] += 1;
+            }
+        }
+    }
+    let mut sorted = Vec::new();
+    let mut front: Vec<usize> =
+        (0..costs.len()).filter(|index| dominated_by[*index] == 0).collect();
+    while !front.is_empty() {
+        let mut next = Vec::new();
+        for better in &front {
+            for worse in &dominated[*better] {
+                dominated_by[*worse] -= 1;
+                if dominated_by[*worse] == 0 {
+                    next.push(*worse);
+                }
+            }
+        }
+        next.sort_unstable();
+        sorted.push(std::mem::replace(&mut front, next));
+    }
+    sorted
+}
 
 /// For each member of `front`, half the perimeter of the box between its neighbours, both costs
 /// scaled to the front's range. Infinite at the ends.
-pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f64> {
+fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f64> {
     let mut distances = vec![0.0; front.len()];
     let measures: [fn(&CostPoint) -> f64; 2] = [|cost| cost.power.0, |cost| cost.error];
     for measure in measures {
@@ -34,20 +68,20 @@ pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f6
 /// Fitness of a point: its front's number (0 is best), and its crowding distance (larger is
 /// better).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Fitness {
+pub(super) struct Fitness {
     rank: usize,
     crowding: f64,
 }
 
 impl Fitness {
     /// The crowded-comparison operator: `Less` is fitter.
-    pub(crate) fn compare(self, other: Self) -> Ordering {
+    pub(super) fn compare(self, other: Self) -> Ordering {
         self.rank.cmp(&other.rank).then(other.crowding.total_cmp(&self.crowding))
     }
 }
 
 /// The fitness of every point among the others.
-pub(crate) fn fitness(points: &[FrontierPoint]) -> Vec<Fitness> {
+pub(super) fn fitness(points: &[FrontierPoint]) -> Vec<Fitness> {
     let costs: Vec<CostPoint> = points.iter().map(|point| point.cost).collect();
     let mut fitness = vec![Fitness { rank: 0, crowding: 0.0 }; points.len()];
     for (rank, front) in fronts(&costs).iter().enumerate() {
@@ -63,7 +97,7 @@ pub(crate) fn fitness(points: &[FrontierPoint]) -> Vec<Fitness> {
 /// Of points with equal costs all but the first rank last: a knob without effect makes clones,
 /// which would fill the first front by crowding distance alone. The paper has continuous variables
 /// and no such clones.
-pub(crate) fn survivors(points: Vec<FrontierPoint>, capacity: usize) -> Vec<FrontierPoint> {
+pub(super) fn survivors(points: Vec<FrontierPoint>, capacity: usize) -> Vec<FrontierPoint> {
     let mut costs = HashSet::new();
     let (mut unique, mut clones): (Vec<_>, Vec<_>) = points.into_iter().partition(|point| {
         costs.insert((point.cost.power.0.to_bits(), point.cost.error.to_bits()))
@@ -82,6 +116,18 @@ mod tests {
     use bevy_frugal_gi::knobs::KnobLevels;
 
     use super::*;
+
+    #[test]
+    fn points_fall_into_their_fronts() {
+        let costs =
+            [(1.0, 4.0), (2.0, 2.0), (4.0, 1.0), (2.0, 4.0), (3.0, 3.0), (4.0, 4.0), (1.0, 4.0)];
+        let costs: Vec<_> =
+            costs.into_iter().map(|(power, error)| CostPoint::new(power, error)).collect();
+        // Equal costs do not dominate one another: 0 and 6 share a front. 3 is dominated by 0 and 1
+        // only, 4 by 1 only, 5 by both of those.
+        assert_eq!(fronts(&costs), [vec![0, 1, 2, 6], vec![3, 4], vec![5]]);
+        assert!(fronts(&[]).is_empty());
+    }
 
     #[test]
     fn distances_are_the_scaled_differences_between_neighbours() {

@@ -1,0 +1,129 @@
+//! What commands read: scenes, maps, paths; and the stages that they open.
+
+use std::path::Path;
+
+use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
+use bevy_frugal_gi::knobs::did_you_mean;
+
+use super::CliError;
+use super::arguments::CaptureArguments;
+use crate::evaluate::PathPlan;
+use crate::scene::{self, SceneDescription};
+use crate::stage::{self, StageRequest};
+
+/// Loads a scene; returns it with its name.
+pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliError> {
+    let scene = scene::load(path)?;
+    let file = path
+        .file_name()
+        .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+    let name = file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned);
+    Ok((scene, name))
+}
+
+/// Reads a map; returns it with its text.
+pub(super) fn read_map(path: &Path) -> Result<(FrontierMap, String), CliError> {
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        CliError::usage(format!(
+            "{}: cannot be read: {error}; give a map written by frugal precompute",
+            path.display()
+        ))
+    })?;
+    let map = FrontierMap::from_ron(&text)
+        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    Ok((map, text))
+}
+
+/// Reads a map and checks that it belongs to the scene.
+pub(super) fn read_map_of(
+    scene: &SceneDescription,
+    name: &str,
+    path: &Path,
+) -> Result<FrontierMap, CliError> {
+    let (map, _) = read_map(path)?;
+    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
+    map.matches_scene(&identity)
+        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    Ok(map)
+}
+
+/// The scene's path called `name`, at `fps` frames per second.
+pub(super) fn plan_path(
+    scene: &SceneDescription,
+    name: &str,
+    fps: f64,
+) -> Result<PathPlan, CliError> {
+    let Some(path) = scene.paths.get(name) else {
+        let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
+        let known = if known.is_empty() {
+            "it has none".to_owned()
+        } else {
+            let guess = did_you_mean(name, known.iter().copied());
+            format!("{guess}it has {}; name one of them with --path", known.join(", "))
+        };
+        return Err(CliError::usage(format!(
+            "{}: no path `{name}`: {known}",
+            scene.source.display()
+        )));
+    };
+    PathPlan::along(name, path, fps).map_err(CliError::usage)
+}
+
+/// Names of the requested knobs, or of those that affect the scene.
+pub(super) fn knobs(
+    scene: &SceneDescription,
+    capture: &CaptureArguments,
+) -> Result<Vec<String>, CliError> {
+    Ok(match &capture.image.knobs {
+        Some(names) => names.clone(),
+        None => stage::useful_knobs(scene)?,
+    })
+}
+
+/// A stage of `scene` under the conditions of the arguments.
+pub(super) fn stage_for(
+    scene: &SceneDescription,
+    capture: &CaptureArguments,
+) -> Result<StageRequest, CliError> {
+    Ok(StageRequest {
+        scene: scene.source.clone(),
+        size: capture.image.size.to_array(),
+        frames_per_second: capture.image.fps,
+        knobs: Some(knobs(scene, capture)?),
+        meter: capture.meter.clone(),
+    })
+}
+
+/// The same under the conditions of the map at `map_path`; `meter`: another than the map's.
+pub(super) fn stage_for_map(
+    scene: &SceneDescription,
+    map: &FrontierMap,
+    map_path: &Path,
+    meter: Option<String>,
+) -> Result<StageRequest, CliError> {
+    let here = stage::every_knob()?;
+    for knob in map.knobs.knobs() {
+        let (path, name) = (map_path.display(), &knob.name);
+        match here.index_of(name).map(|index| &here.knobs()[index]) {
+            None => {
+                let guess = did_you_mean(name, here.knobs().iter().map(|knob| knob.name.as_str()));
+                return Err(CliError::usage(format!(
+                    "{path}: its knob `{name}` does not exist here: {guess}run frugal precompute again"
+                )));
+            }
+            Some(other) if other.levels != knob.levels => {
+                return Err(CliError::usage(format!(
+                    "{path}: its knob `{name}` has other levels here: run frugal precompute again"
+                )));
+            }
+            Some(_) => {}
+        }
+    }
+    Ok(StageRequest {
+        scene: scene.source.clone(),
+        size: map.capture.size,
+        frames_per_second: map.capture.frames_per_second,
+        knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
+        meter: meter.or_else(|| Some(map.meter.name.clone())),
+    })
+}

@@ -1,0 +1,206 @@
+//! Comparisons on a record of known power and error.
+
+use std::ops::ControlFlow;
+
+use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
+use bevy_frugal_gi::units::Watts;
+
+use super::*;
+use crate::evaluate::fake::{Fake, error, judged, map, path, power, recorded, space, trial};
+use crate::evaluate::{EvaluationError, play_for_real};
+
+fn run<'a>(result: &'a EvaluationResult, name: &str) -> &'a RunResult {
+    result.runs.iter().find(|run| run.name == name).unwrap()
+}
+
+/// Mean of x over the path is 0.9 m.
+const ALONG: f64 = 0.009;
+
+#[test]
+fn every_run_is_listed_in_order() {
+    let map = map(space());
+    let budget = BudgetRequest { power: None, error: Some(0.05) };
+    let names = |baselines| {
+        let result = trial(&recorded(&map, baselines), &map, baselines).judge(&budget);
+        assert_eq!((result.frames, result.size, result.warnings.len()), (10, [16, 12], 1));
+        result.runs.into_iter().map(|run| run.name).collect::<Vec<_>>()
+    };
+    let quick = ["frugal", "maximum", "max-mid", "mid-min", "minimum", "resolution-only", TRAINED];
+    assert_eq!(names(Baselines::Quick), quick);
+    assert_eq!(names(Baselines::None), ["frugal"]);
+    let all = names(Baselines::All);
+    for name in quick.into_iter().chain(["frugal-measured", "default", "best-constant"]) {
+        assert!(all.iter().any(|run| run == name), "{name}: {all:?}");
+    }
+    assert_eq!(all[all.len() - 3..], ["oracle", "oracle-filtered", "reactive"]);
+}
+
+#[test]
+fn power_and_error_are_the_formulas() {
+    let (result, space) = (judged(Some("60%"), None), space());
+    let presets =
+        [("maximum", 1.0), ("max-mid", 2.0 / 3.0), ("mid-min", 1.0 / 3.0), ("minimum", 0.0)];
+    for (name, share) in presets {
+        let (run, settings) = (run(&result, name), space.preset(share));
+        assert!((run.mean_power_w.0 - power(settings) - ALONG).abs() < 1e-9, "{name}");
+        assert!((run.mean_error - error(settings)).abs() < 1e-7, "{name}: {}", run.mean_error);
+        assert_eq!((&run.settings, run.switches), (&Some(space.describe(settings)), 0));
+    }
+    assert_eq!(run(&result, "maximum").max_error, 0.0);
+    // From 1 W to 4.2 W, and what the path adds.
+    assert!((result.budget.power_w.unwrap().0 - (1.0 + 0.6 * 3.2 + ALONG)).abs() < 1e-9);
+}
+
+#[test]
+fn the_controller_keeps_the_budget_and_the_baseline_takes_the_highest_resolution_that_does() {
+    let result = judged(Some("3.5 W"), None);
+    let frugal = run(&result, "frugal");
+    assert!(frugal.met && frugal.frames_over_budget == 0);
+    assert!(frugal.series[3].predicted.unwrap().power <= Watts(3.5));
+    // 2.2 W + 0.4 W a level: level 3 takes 3.4 W.
+    let baseline = run(&result, "resolution-only");
+    assert_eq!(
+        baseline.settings.as_deref(),
+        Some("gi_vpl_count=64,resolution_scale=80%,antialiasing=FXAA")
+    );
+    assert!(baseline.met && baseline.note.is_none());
+    let maximum = run(&result, "maximum");
+    assert!(!maximum.met && maximum.frames_over_budget == 10);
+    assert!((maximum.p99_overshoot_w.unwrap().0 - 0.7).abs() < 0.02);
+}
+
+#[test]
+fn an_error_budget_finds_the_lowest_resolution_that_keeps_it() {
+    let at = |level| error(space().highest().with_level(1, level));
+    let result = judged(None, Some(at(2) + 1e-6));
+    let baseline = run(&result, "resolution-only");
+    assert_eq!(
+        baseline.settings.as_deref(),
+        Some("gi_vpl_count=64,resolution_scale=70%,antialiasing=FXAA")
+    );
+    assert!(baseline.met && baseline.p99_overshoot_w.is_none());
+    assert_eq!(result.budget.power_w, None);
+}
+
+#[test]
+fn a_budget_that_no_resolution_meets_gives_the_closest_and_says_so() {
+    let result = judged(Some("1.5W"), None);
+    let baseline = run(&result, "resolution-only");
+    assert_eq!(
+        baseline.settings.as_deref(),
+        Some("gi_vpl_count=64,resolution_scale=50%,antialiasing=FXAA")
+    );
+    assert!(!baseline.met && baseline.note.as_deref().unwrap().contains("closest"));
+    let wide = judged(Some("100W"), None);
+    assert_eq!(run(&wide, "resolution-only").series, run(&wide, "maximum").series);
+}
+
+#[test]
+fn the_trained_constant_is_chosen_by_other_cameras_and_played_here() {
+    let mut map = map(space());
+    // As if errors elsewhere were higher: a budget of twice the error takes what is within it there.
+    let dearer = |point: &FrontierPoint| FrontierPoint {
+        settings: point.settings,
+        cost: CostPoint::new(point.cost.power.0, 2.0 * point.cost.error),
+    };
+    map.shared = Frontier::from_points(map.shared.points().iter().map(dearer));
+    let at = error(space().highest().with_level(1, 3));
+    let budget = BudgetRequest { power: None, error: Some(2.0 * at + 1e-6) };
+    let record = recorded(&map, Baselines::Quick);
+    let result = trial(&record, &map, Baselines::Quick).judge(&budget);
+    let constant = run(&result, TRAINED);
+    assert!(constant.mean_error <= at + 1e-6 && constant.met, "{constant:?}");
+    let expected = map.shared.least_power_within(2.0 * at + 1e-6).expect("a point");
+    assert_eq!(constant.settings, Some(space().describe(expected.settings)));
+    assert!(constant.note.as_deref().is_some_and(|note| note.contains("training")));
+}
+
+#[test]
+fn the_oracle_and_the_best_constant_bound_the_gap() {
+    let map = map(space());
+    let budget = BudgetRequest { power: Some(PowerBudget::Share(0.5)), error: None };
+    let record = recorded(&map, Baselines::All);
+    let result = trial(&record, &map, Baselines::All).judge(&budget);
+    let [oracle, constant] = ["oracle", "best-constant"].map(|name| run(&result, name).mean_error);
+    assert!(oracle <= constant + 1e-9, "{oracle} {constant}");
+    assert!(result.gap_closed.is_none_or(|gap| gap <= 1.0 + 1e-9), "{:?}", result.gap_closed);
+}
+
+#[test]
+fn a_real_play_checks_the_record_and_finds_drift() {
+    let map = map(space());
+    let record = recorded(&map, Baselines::Quick);
+    let trial = trial(&record, &map, Baselines::Quick);
+    let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
+    let mut result = trial.judge(&budget);
+    let mut renderer = Fake { drift: 0.2, ..Fake::default() };
+    let mut policies: Vec<Box<dyn Policy + '_>> = vec![Box::new(trial.controller(&result.budget))];
+    let mut seen = 0;
+    let real =
+        play_for_real(&mut renderer, &path(), space().highest(), &mut policies, &mut |progress| {
+            seen = progress.frames_done;
+            assert!(progress.frames_done <= progress.frames_total);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert_eq!((renderer.runs.join(", ").as_str(), seen), ("maximum, frugal, maximum again", 30));
+    result.add_check(&real.runs[0], real.drift);
+    assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
+    assert_eq!(result.drift.repeat_max_error, 0.0);
+    assert!(result.warnings.last().unwrap().contains("the machine's"));
+    let check = result.spot_check.unwrap();
+    assert_eq!(check.recorded_mean_power_w, result.runs[0].mean_power_w);
+    assert!((check.mean_power_w.0 - 0.2 - check.recorded_mean_power_w.0).abs() < 1e-6, "{check:?}");
+}
+
+#[test]
+fn impossible_power_and_interruption_end_a_real_play() {
+    let play = |renderer: &mut Fake, most: usize| {
+        let mut policies: Vec<Box<dyn Policy>> = vec![Box::new(Fixed(space().lowest()))];
+        let on_frame = &mut |progress: &crate::evaluate::Progress<'_>| {
+            if progress.frames_done == most {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        };
+        play_for_real(renderer, &path(), space().highest(), &mut policies, on_frame).err().unwrap()
+    };
+    let broken = play(&mut Fake { broken_at: Some(13), ..Fake::default() }, 99);
+    assert_eq!(broken.to_string(), "run `frugal`, frame 3: the meter gave NaN W");
+    assert!(matches!(play(&mut Fake::default(), 25), EvaluationError::Interrupted));
+}
+
+#[test]
+fn json_has_the_agreed_form_and_reads_back() {
+    let result = judged(Some("3.5W"), None);
+    let json = serde_json::to_value(&result).unwrap();
+    assert_eq!((json["fps"].as_i64(), json["frames"].as_i64()), (Some(5), Some(10)));
+    assert_eq!(
+        (&json["meter"]["name"], &json["meter"]["provenance"]),
+        (&"formula".into(), &"modelled".into())
+    );
+    assert_eq!(json["budget"], serde_json::json!({"power_w": 3.5, "error": null}));
+    assert_eq!(json["size"], serde_json::json!([16, 12]));
+    assert_eq!(json["drift"]["relative"], serde_json::json!(0.0));
+    for key in ["name", "mean_power_w", "mean_error", "max_error", "frames_over_budget", "switches"]
+    {
+        assert!(!json["runs"][0][key].is_null(), "{key}");
+    }
+    assert_eq!(json["runs"].as_array().unwrap().len(), 7);
+    let old = json.to_string().replace(TRAINED, "best-constant-elsewhere");
+    let back: EvaluationResult = serde_json::from_str(&old).unwrap();
+    assert_eq!((back.runs[2].name.as_str(), back.runs[2].series.len()), ("max-mid", 0));
+    assert_eq!(back.runs[6].name, TRAINED, "by its former name, too");
+}
+
+#[test]
+fn a_scene_without_a_resolution_knob_has_no_such_run() {
+    // Without the knob the fake's second knob is `antialiasing`; only the list of runs matters
+    // here.
+    let map = map(space().subset(["gi_vpl_count", "antialiasing"]).unwrap());
+    let record = recorded(&map, Baselines::Quick);
+    let result = trial(&record, &map, Baselines::Quick).judge(&BudgetRequest::default());
+    assert_eq!(result.runs.len(), 6);
+    assert!(result.warnings.iter().any(|warning| warning.contains("resolution_scale")));
+}
