@@ -2,8 +2,8 @@
 //! analysis of maps.
 //!
 //! [`cli::run`] is the tool. The other public modules are those that the examples and the
-//! integration tests share with it: scene files, the headless renderer, image metrics, the path
-//! tracer and recorded sweeps.
+//! integration tests share with it: scene files, the headless renderer and recorded sweeps. Path
+//! tracer and image metrics are the crate `frugal_trace`.
 
 mod cameras;
 pub mod cli;
@@ -18,11 +18,9 @@ mod inspect;
 mod journal;
 mod medoids;
 mod meters;
-pub mod metrics;
 mod pipeline;
 mod pool;
 mod quantile;
-pub mod reference;
 mod regret;
 mod report;
 pub mod scene;

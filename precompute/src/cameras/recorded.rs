@@ -6,10 +6,10 @@
 use std::path::{Path, PathBuf};
 
 use bevy_frugal_gi::recording::{CameraFileError, CameraSample, parse};
+use frugal_trace::scene::CameraPose;
 
 use super::TrackSample;
 use super::set::{sample, sampled};
-use crate::scene::CameraPose;
 
 /// Longest time in which a camera counts as still, seconds. Beyond it the app was paused, or nobody
 /// played.

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
 use crate::cost::{WORK_METER, is_work_meter};
 use crate::files;
-use crate::scene::{self, CameraPose, SceneDescription};
+use crate::scene::{self, LoadedScene};
 use crate::stage::{StageOptions, StageRequest};
 
 /// Conditions of images: size, frame rate and knobs.
@@ -186,7 +187,7 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
 }
 
 /// Loads a scene; returns it with its name.
-pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliError> {
+pub(super) fn open_scene(path: &Path) -> Result<(LoadedScene, String), CliError> {
     let scene = scene::load(path)?;
     let file = path
         .file_name()

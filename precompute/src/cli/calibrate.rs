@@ -45,11 +45,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([Some(&arguments.output)])?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
-    let bounds = scene.camera_bounds(stage.bounds());
+    let bounds = scene.camera_bounds();
     let fps = arguments.capture.image.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
     let cameras = CameraSet::sample(
-        stage.rays(),
+        &scene.rays,
         &bounds,
         &tracks,
         [CAMERAS, 0, 0],

@@ -114,11 +114,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let meter = arguments.meter.clone();
     let workers = &arguments.workers;
     let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
-    let bounds = scene.camera_bounds(stage.bounds());
+    let bounds = scene.camera_bounds();
     let (mix, lens) = (CameraMix::default(), stage.lens());
     let counts = [arguments.unseen as usize, 0, 0];
     let cameras =
-        CameraSet::sample(stage.rays(), &bounds, &tracks, counts, &mix, lens, arguments.seed);
+        CameraSet::sample(&scene.rays, &bounds, &tracks, counts, &mix, lens, arguments.seed);
     let layout = FrameLayout::of(&scene, stage.size());
     let plan = RegretPlan {
         map: &map,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_trace::scene::CameraPose;
 use indicatif::ProgressBar;
 
 use super::arguments::{
@@ -16,7 +17,7 @@ use super::precompute::open_stage;
 use super::{CliError, progress};
 use crate::cost::FrameLayout;
 use crate::report::{SweepSummary, sweep_report};
-use crate::scene::{CameraPose, SceneDescription};
+use crate::scene::SceneDescription;
 use crate::stage::RemoteStage;
 use crate::table::{Batch, Measure as _, Measured, SweepFacts, SweepTable};
 

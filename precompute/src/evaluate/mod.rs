@@ -1,6 +1,6 @@
 //! Plays a camera path under a budget beside baselines, and compares power and error of the runs.
 //!
-//! Independent of the renderer: a [`FrameRenderer`] renders and meters, a [`Policy`] decides the
+//! Independent of the renderer: a [`FrameRenderer`](crate::stage::FrameRenderer) renders and meters, a [`Policy`] decides the
 //! settings of each frame.
 //!
 //! | part | job |
@@ -36,10 +36,7 @@ mod table;
 pub(crate) use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub(crate) use controlled::Controller;
 pub(crate) use judge::{Judged, judge, settings_to_record};
-pub(crate) use play::{
-    Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose, Progress,
-    RenderedFrame,
-};
+pub(crate) use play::{Choice, Controlled, Fixed, FrameRecord, PathPlan, Policy, Pose, Progress};
 pub(crate) use record::{PathRecord, RecordError};
 pub use recorded::{ReactiveLadder, RecordedPath};
 pub(crate) use resolution::RESOLUTION_KNOB;

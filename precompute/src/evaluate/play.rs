@@ -5,51 +5,15 @@ use std::ops::ControlFlow;
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::{Picture, Reference};
 
-use crate::metrics::{Picture, Reference};
 use crate::scene::CameraPath;
+use crate::stage::FrameRenderer;
 
 use super::EvaluationError;
 
 /// A camera's pose.
-pub(crate) type Pose = crate::scene::CameraPose;
-
-/// A rendered frame.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct RenderedFrame {
-    /// The display-referred image.
-    pub picture: Picture,
-    /// Power at the target frame rate: idle + this frame's energy × frames per second.
-    pub power: Watts,
-}
-
-/// Renders and meters frames: the headless stage, or formulas in tests.
-pub(crate) trait FrameRenderer {
-    /// Why no frame was rendered.
-    type Error;
-
-    /// Starts a run called `name` at `pose` with `settings`: resets temporal history and warms up,
-    /// so that the first frame costs no more than the others. The run's first frame follows.
-    ///
-    /// # Errors
-    /// When the run cannot start.
-    fn begin_run(
-        &mut self,
-        name: &str,
-        pose: &Pose,
-        settings: KnobLevels,
-    ) -> Result<(), Self::Error>;
-
-    /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
-    ///
-    /// # Errors
-    /// When rendering or metering fails. An unknown power is an error, never 0 W.
-    fn render_frame(
-        &mut self,
-        pose: &Pose,
-        settings: KnobLevels,
-    ) -> Result<RenderedFrame, Self::Error>;
-}
+pub(crate) type Pose = frugal_trace::scene::CameraPose;
 
 /// A policy's choice for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

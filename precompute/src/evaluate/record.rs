@@ -10,14 +10,13 @@ use std::ops::ControlFlow;
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_trace::metrics::Reference;
 
 use super::play::{Against, play};
 use super::recording::read_line;
-use super::{
-    Choice, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Progress,
-};
+use super::{Choice, EvaluationError, Fixed, FrameRecord, PathPlan, Policy, Progress};
 use crate::journal::JournalError;
-use crate::metrics::Reference;
+use crate::stage::FrameRenderer;
 use crate::table::CostTable;
 
 /// Costs of settings at every frame of a path.

@@ -6,16 +6,17 @@ use bevy_frugal_gi::frontier::Frontier;
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 
-use crate::metrics::{CompareError, Picture, Reference};
+use frugal_trace::metrics::{Picture, Reference, SsimError};
 
 use super::baselines::best_on;
 use super::play::{Against, play};
 use super::resolution::{self, RESOLUTION_KNOB};
 use super::result::mean_power;
 use super::{
-    BudgetRequest, Drift, EvaluationResult, Fixed, FrameRenderer, PathPlan, Policy, PowerBudget,
-    Progress, ResolvedBudget, RunResult,
+    BudgetRequest, Drift, EvaluationResult, Fixed, PathPlan, Policy, PowerBudget, Progress,
+    ResolvedBudget, RunResult,
 };
+use crate::stage::FrameRenderer;
 
 /// Relative change of the maximum run's mean power from which drift is reported.
 const NOTABLE_DRIFT: f64 = 0.05;
@@ -41,7 +42,7 @@ pub(crate) enum EvaluationError<E> {
         /// The frame's number.
         frame: usize,
         /// Why.
-        source: CompareError,
+        source: SsimError,
     },
     /// A power that is negative or not finite.
     #[error("run `{run}`, frame {frame}: the meter gave {watts} W")]

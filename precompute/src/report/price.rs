@@ -4,9 +4,9 @@
 use std::io;
 
 use bevy_frugal_gi::power::MeterInfo;
+use frugal_trace::metrics::Difference;
 
 use super::{Color, Curve, Report, ReportError, Section, cloud};
-use crate::metrics::Difference;
 
 /// One level of a knob, the others at their best.
 #[derive(Clone, Debug)]

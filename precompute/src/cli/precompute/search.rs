@@ -22,7 +22,7 @@ use crate::pipeline::{
     CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, run as run_pipeline,
 };
 use crate::report::SearchSummary;
-use crate::scene::{self, SceneDescription};
+use crate::scene::{LoadedScene, SceneDescription};
 use crate::stage::{self, RemoteError, RemoteStage, StageRequest};
 use crate::view_features::ViewDescriber;
 
@@ -31,7 +31,7 @@ const MOST_CALIBRATION: usize = 24;
 
 /// Stages `scene` with the requested knobs, or with those that affect it.
 pub(in crate::cli) fn open_stage(
-    scene: &SceneDescription,
+    scene: &LoadedScene,
     path: &Path,
     capture: &CaptureArguments,
     workers: NonZeroUsize,
@@ -41,7 +41,7 @@ pub(in crate::cli) fn open_stage(
 }
 
 /// Names of the requested knobs, or of those that affect the scene.
-fn knobs(scene: &SceneDescription, capture: &CaptureArguments) -> Result<Vec<String>, CliError> {
+fn knobs(scene: &LoadedScene, capture: &CaptureArguments) -> Result<Vec<String>, CliError> {
     Ok(match &capture.image.knobs {
         Some(names) => names.clone(),
         None => stage::useful_knobs(scene)?,
@@ -64,7 +64,7 @@ impl Searched {
 
 /// What is searched, and which journal keeps it.
 pub(in crate::cli) struct SearchPlan<'a> {
-    pub scene: &'a SceneDescription,
+    pub scene: &'a LoadedScene,
     /// The scene's name.
     pub name: &'a str,
     pub tracks: &'a [Vec<TrackSample>],
@@ -141,8 +141,8 @@ pub(in crate::cli) fn search(
     let SearchPlan { scene, tracks, arguments, of, .. } = *plan;
     let config = arguments.config();
     let space = stage.space().clone();
-    let bounds = scene.camera_bounds(stage.bounds());
-    let cameras = sample_cameras(stage, &bounds, tracks, arguments);
+    let bounds = scene.camera_bounds();
+    let cameras = sample_cameras(stage, scene, tracks, arguments);
     let (capture, identity) = (plan.capture(), plan.identity()?);
     let header = rendered_by(plan.header()?, &space, &stage.meter())?
         .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
@@ -226,14 +226,22 @@ pub(in crate::cli) fn search(
 /// Training cameras, and a sixth as many for calibration, up to [`MOST_CALIBRATION`].
 fn sample_cameras(
     stage: &RemoteStage,
-    bounds: &scene::Bounds,
+    scene: &LoadedScene,
     tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
 ) -> CameraSet {
     let calibration = arguments.training.div_ceil(6).min(MOST_CALIBRATION);
     let counts = [arguments.training, calibration, Extent::WHOLE.views];
     let (mix, lens) = (CameraMix::default(), stage.lens());
-    CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
+    CameraSet::sample(
+        &scene.rays,
+        &scene.camera_bounds(),
+        tracks,
+        counts,
+        &mix,
+        lens,
+        arguments.seed,
+    )
 }
 
 fn cli_error(

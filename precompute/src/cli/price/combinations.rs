@@ -2,11 +2,11 @@
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_trace::metrics::{Difference, Radiance};
 
 use super::{Arguments, is_gi, is_still};
 use crate::cli::arguments::{write, write_report};
 use crate::cli::{CliError, progress};
-use crate::metrics::{Difference, Radiance};
 use crate::report::{Report, ReportError, SweepSummary, sweep_section};
 use crate::search::{LevelDominance, level_dominance};
 use crate::stage::Stage;

@@ -7,16 +7,17 @@ use std::path::PathBuf;
 
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_trace::bsdf::Shading;
+use frugal_trace::integrator::{Rendering, Settings, Watch, render};
+use frugal_trace::metrics::{Difference, Radiance};
 use glam::UVec2;
 
 use super::arguments::{
     CameraArguments, check_outputs, check_report, open_scene, size, write, write_report,
 };
 use super::{CliError, progress};
-use crate::metrics::{Difference, Radiance};
-use crate::reference::{ReferenceScene, Rendering, Settings, Shading, View, Watch, render};
 use crate::report::{LevelPrice, PriceSummary, price_csv, price_report};
-use crate::scene::{Environment, SceneDescription};
+use crate::scene::{Environment, LoadedScene};
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]
@@ -95,7 +96,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         if matches!(scene.environment, Environment::None) {
             return Err(CliError::usage(format!("--sky: {name} has no environment")));
         }
-        scene.lights.clear();
+        scene.description.lights.clear();
     }
     let options = StageOptions {
         size: arguments.size,
@@ -224,15 +225,16 @@ fn print_prices(prices: &[LevelPrice]) {
 }
 
 /// The reference: bounces between Lambertian surfaces, or sky light that one surface scatters.
-fn reference(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
-    let view = View::new(scene, arguments.camera.pose()?, arguments.size);
+fn reference(scene: &LoadedScene, arguments: &Arguments) -> Result<Radiance, CliError> {
+    let view = scene.view(arguments.camera.pose()?, arguments.size);
     let samples = arguments.spp;
     let (scene, settings) = if arguments.sky {
         (scene.clone(), Settings { samples, bounces: Some(0), ..Default::default() })
     } else {
         // Environment light bounces in the path tracer and not in the renderer, which is
         // independent of the price of a level.
-        let punctual_only = SceneDescription { environment: Environment::None, ..scene.clone() };
+        let mut punctual_only = scene.clone();
+        punctual_only.description.environment = Environment::None;
         (
             punctual_only,
             Settings {
@@ -245,7 +247,7 @@ fn reference(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance
     };
     let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the reference");
     let watch = Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted };
-    let rendering = render(&ReferenceScene::new(&scene)?, &view, &settings, watch);
+    let rendering = render(&scene.reference()?, &view, &settings, watch);
     bar.finish_and_clear();
     let shown =
         |rendering: Rendering| if arguments.sky { rendering.full() } else { rendering.indirect };
