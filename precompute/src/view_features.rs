@@ -3,9 +3,8 @@
 //!
 //! How much a setting costs in quality depends on what is in view: how bright it is, how much of its
 //! light is indirect, how many edges and shadows there are. All that is known from a path-traced
-//! thumbnail, which takes a fifteenth of the time of one rendering of a clip. On a path that no camera
-//! came from, the distance to 130 rendered cameras explained a seventh of the variance of errors over
-//! views and settings, and these numbers over half of it.
+//! thumbnail, which takes a fifteenth of the time of one rendering of a clip, and explains errors
+//! better than the distance to rendered cameras does.
 
 use frugal_trace::integrator::{FirstHit, ReferenceScene, Settings, Watch, render, surfaces};
 use glam::{DVec3, UVec2};

@@ -3,8 +3,8 @@
 //! Reads every triangle primitive of the default scene (lists, strips and fans) with its node's
 //! transform, `POSITION`, `NORMAL`, `TEXCOORD_0`, `COLOR_0`, base colour with its texture,
 //! roughness, metallic, the specular factor of `KHR_materials_specular`, emission (its unitless
-//! factor is interpreted as nits), alpha mask, and double-sidedness. Skins stay in their bind pose. Blended materials become opaque. Cameras,
-//! lights and animations are left out.
+//! factor is interpreted as nits), alpha mask, and double-sidedness. Skins stay in their bind pose.
+//! Blended materials become opaque. Cameras, lights and animations are left out.
 
 use std::path::{Path, PathBuf};
 
@@ -199,11 +199,13 @@ fn convert_primitive(
             "an index is {index} where there are {count} positions"
         )));
     }
+    // What stays in place keeps every bit, signs of zeros too.
+    let is_moved = placement != Mat4::IDENTITY;
+    let placed = |position| {
+        if is_moved { placement.transform_point3(position) } else { position }
+    };
     let mut mesh = SceneMesh {
-        positions: positions
-            .into_iter()
-            .map(|position| placement.transform_point3(position))
-            .collect(),
+        positions: positions.into_iter().map(placed).collect(),
         uvs: vec![Vec2::ZERO; count],
         colors: vec![[1.0; 4]; count],
         indices: triangle_list(mode, &order),
@@ -243,9 +245,10 @@ fn convert_primitive(
             let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
             let cofactor =
                 Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
+            let turned = |normal| if is_moved { cofactor * normal } else { normal };
             mesh.normals = normals
                 .into_iter()
-                .map(|normal| (cofactor * Vec3::from_array(normal)).normalize_or(Vec3::Y))
+                .map(|normal| turned(Vec3::from_array(normal)).normalize_or(Vec3::Y))
                 .collect();
         }
         None => flatten(&mut mesh),

@@ -34,12 +34,6 @@ impl StageEvaluator {
     /// same clip at the best settings. A repeated pose is a still camera. Every clip begins with a
     /// cut, so its cost does not depend on earlier frames.
     ///
-    /// Rejected: extrapolating the error to the longer history of play from those of two frames of
-    /// the clip (Richardson, the error of noise falls as 1 / frames). For 17 settings on the
-    /// courtyard's tour it was right to within 6 %. At the training cameras of a search it was 15 %
-    /// too low, with more spread than the last frame alone, and six of seven error budgets were
-    /// exceeded by 2 to 14 %.
-    ///
     /// # Errors
     /// When the rendering or the metering fails.
     pub fn measure(

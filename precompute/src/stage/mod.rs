@@ -4,7 +4,6 @@
 //! It has no window: the clock is stepped explicitly, pipelines compile before they are needed, and
 //! a frame ends when the GPU is done.
 
-mod adapter;
 mod app;
 mod capture;
 mod environment;
@@ -15,7 +14,6 @@ mod metering;
 mod options;
 mod prefilter;
 mod ready;
-mod real_time;
 mod remote;
 mod settings;
 mod useful;
@@ -41,7 +39,7 @@ use crate::cost::WorkLedger;
 use crate::meters::Meter;
 use crate::scene::LoadedScene;
 
-pub use adapter::{adapter, software_adapter};
+pub use app::{adapter, software_adapter};
 pub use error::StageError;
 pub use evaluator::StageEvaluator;
 pub(crate) use frame_renderer::{FrameRenderer, RenderedFrame};
