@@ -2,8 +2,8 @@
 //! analysis of maps.
 //!
 //! [`cli::run`] is the tool. The other public modules are those that the examples and the
-//! integration tests share with it: scene files, the headless renderer, image metrics and the path
-//! tracer.
+//! integration tests share with it: scene files and the headless renderer. Path tracer and image
+//! metrics are the crate `frugal_trace`.
 
 mod cameras;
 pub mod cli;
@@ -20,11 +20,9 @@ mod journal;
 mod linalg;
 mod medoids;
 mod meters;
-pub mod metrics;
 mod pipeline;
 mod pool;
 mod quantile;
-pub mod reference;
 mod report;
 pub mod scene;
 mod search;

@@ -3,15 +3,14 @@
 //!
 //! How much a setting costs in quality depends on what is in view: how bright it is, how much of its
 //! light is indirect, how many edges and shadows there are. All that is known from a path-traced
-//! thumbnail, which takes a fifteenth of the time of one rendering of a clip. On a path that no camera
-//! came from, the distance to 130 rendered cameras explained a seventh of the variance of errors over
-//! views and settings, and these numbers over half of it.
+//! thumbnail, which takes a fifteenth of the time of one rendering of a clip, and explains errors
+//! better than the distance to rendered cameras does.
 
+use frugal_trace::integrator::{FirstHit, ReferenceScene, Settings, Watch, render, surfaces};
 use glam::{DVec3, UVec2};
 
 use crate::cameras::MovingCamera;
-use crate::reference::{ReferenceScene, Seen, Settings, View, Watch, render, surfaces};
-use crate::scene::SceneDescription;
+use crate::scene::LoadedScene;
 
 /// Size of the thumbnail, pixels.
 const SIZE: UVec2 = UVec2::new(32, 18);
@@ -27,19 +26,19 @@ pub(crate) type ViewFeatures = Vec<f64>;
 
 /// Describes the views of a scene.
 pub(crate) struct ViewDescriber<'a> {
-    description: &'a SceneDescription,
+    description: &'a LoadedScene,
     scene: ReferenceScene,
 }
 
 impl<'a> ViewDescriber<'a> {
     /// `None` where the scene cannot be path-traced.
-    pub(crate) fn new(description: &'a SceneDescription) -> Option<Self> {
-        Some(Self { description, scene: ReferenceScene::new(description).ok()? })
+    pub(crate) fn new(description: &'a LoadedScene) -> Option<Self> {
+        Some(Self { description, scene: description.reference().ok()? })
     }
 
     /// The features of a camera's view. Deterministic.
     pub(crate) fn describe(&self, camera: &MovingCamera) -> ViewFeatures {
-        let view = View::new(self.description, camera.pose, SIZE);
+        let view = self.description.view(camera.pose, SIZE);
         let settings = Settings { samples: SAMPLES, bounces: Some(BOUNCES), ..Settings::default() };
         let Some(rendering) = render(&self.scene, &view, &settings, Watch::default()) else {
             return Vec::new();
@@ -77,7 +76,13 @@ struct Pixel {
 }
 
 impl Pixel {
-    fn new(full: f32, global: f32, seen: Option<Seen>, from: &glam::Vec3, exposure: f64) -> Self {
+    fn new(
+        full: f32,
+        global: f32,
+        seen: Option<FirstHit>,
+        from: &glam::Vec3,
+        exposure: f64,
+    ) -> Self {
         let direct = (full - global).max(0.0);
         let display = |luminance: f32| {
             let exposed = f64::from(luminance) * exposure;
@@ -154,10 +159,11 @@ fn of_neighbours(pixels: &[Pixel], value: impl Fn(&Pixel, &Pixel) -> f64) -> f64
 
 #[cfg(test)]
 mod tests {
+    use frugal_trace::scene::CameraPose;
     use glam::{Quat, Vec3};
 
     use super::*;
-    use crate::scene::{CameraPose, load};
+    use crate::scene::load;
 
     fn describe(position: Vec3, target: Vec3) -> ViewFeatures {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -15,9 +15,6 @@ use bevy::prelude::{Cuboid, Sphere};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::gi::inspect::{self, GiPass, RepeatedPass};
-use frugal::metrics::{Difference, Radiance};
-use frugal::reference::Pixels;
-use frugal::scene::Light;
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, Moving, Readings, above_none, median};
@@ -26,6 +23,9 @@ use frugal_tests::naive_rsm::{NaiveRsm, Weights};
 use frugal_tests::reference::Tracing;
 use frugal_tests::table::markdown;
 use frugal_tests::{meshes, reference, set};
+use frugal_trace::integrator::Pixels;
+use frugal_trace::light::Light;
+use frugal_trace::metrics::{Difference, Radiance};
 
 const SCENES: [&str; 3] = ["cornell", "courtyard", "two_rooms"];
 

@@ -18,9 +18,9 @@ use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierMapPlugin, Front
 use bevy_frugal_gi::knobs::{Knob, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 use criterion::{Criterion, criterion_group, criterion_main};
-use frugal::metrics::{Picture, Reference};
-use frugal::scene::Light;
 use frugal_tests::{map, meshes, set};
+use frugal_trace::light::Light;
+use frugal_trace::metrics::{Picture, Reference};
 
 fn knobs() -> KnobSpace {
     let knob = |number: u32| Knob::new(&format!("knob_{number}"), [0.0, 1.0, 2.0, 3.0]);

@@ -13,9 +13,7 @@ use std::time::Instant;
 use bevy::light::PointLight;
 use bevy::math::{UVec2, Vec3};
 use bevy_frugal_gi::gi::GiLimits;
-use frugal::metrics::Difference;
-use frugal::reference::Pixels;
-use frugal::scene::{CameraPose, Light, SceneDescription};
+use frugal::scene::SceneDescription;
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::quantile;
@@ -23,6 +21,10 @@ use frugal_tests::method::Method;
 use frugal_tests::reference::{self, Tracing};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
+use frugal_trace::integrator::Pixels;
+use frugal_trace::light::Light;
+use frugal_trace::metrics::Difference;
+use frugal_trace::scene::CameraPose;
 
 /// Maps of four, eight and all 64 lights.
 const LIMITS: [usize; 3] = [24, 48, 384];

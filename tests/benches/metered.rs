@@ -278,7 +278,7 @@ fn open_bench(map: &Path, meter: Option<&str>) -> Bench {
         ..Default::default()
     };
     let choice = meter.map_or(MeterChoice::Automatic, |name| MeterChoice::Named(name.to_owned()));
-    let mut stage = Stage::open_with(&scene, options, |app| {
+    let mut stage = Stage::open_with(&set::loaded(&scene), options, |app| {
         app.add_plugins((
             PowerPlugin { meter: choice, ..Default::default() },
             RenderDiagnosticsPlugin,

@@ -17,12 +17,12 @@ use bevy::ui::{IsDefaultUiCamera, UiPlugin};
 use bevy::ui_render::UiRenderPlugin;
 use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::resolution::ResolutionScale;
-use frugal::metrics::{Picture, ssim};
 use frugal::stage::{Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, median};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
+use frugal_trace::metrics::{Picture, ssim};
 
 const SCALES: [&str; 6] = ["100%", "90%", "80%", "70%", "60%", "50%"];
 const SETTINGS: &str =

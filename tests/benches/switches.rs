@@ -22,7 +22,6 @@ use bevy::render::render_resource::PipelineCache;
 use bevy_frugal_gi::control::{ControlSettings, SettingsFilter, TransitionTimes};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::knobs::{KnobLevels, WarmKnobs};
-use frugal::metrics::Picture;
 use frugal::scene::SceneDescription;
 use frugal::stage::{Stage, StageOptions, adapter};
 use frugal_tests::arguments::Arguments;
@@ -30,6 +29,7 @@ use frugal_tests::cost::{median, spread};
 use frugal_tests::map::{change, circuit};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
+use frugal_trace::metrics::Picture;
 
 /// Frames that each settings stay. The last one counts as settled.
 const FRAMES: usize = 4;

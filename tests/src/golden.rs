@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use frugal::metrics::{Picture, ssim};
+use frugal_trace::metrics::{Picture, ssim};
 
 /// Largest error (1 − SSIM) between an image and its reference. It allows for the rounding of
 /// different adapters; the error of an incorrect image is far larger.

@@ -1,8 +1,8 @@
 //! Methods of global illumination to compare.
 
 use bevy_frugal_gi::gi::GiOutput;
-use frugal::metrics::Radiance;
 use frugal::stage::Stage;
+use frugal_trace::metrics::Radiance;
 
 use crate::naive_rsm::{self, NaiveRsm, Weights};
 use crate::set;

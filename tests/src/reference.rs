@@ -1,15 +1,21 @@
 //! Path-traced references for rendered images, on the CPU.
 
+use std::sync::Arc;
+
 use bevy::asset::Assets;
 use bevy::math::UVec2;
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
-use frugal::metrics::Radiance;
-use frugal::reference::{
-    Pixels, ReferenceScene, Seen, Settings, Shading, View, Watch, render, surfaces,
-};
-use frugal::scene::{CameraPose, Environment, SceneDescription};
+use frugal::scene::{Environment, LoadedScene, SceneDescription};
 use frugal::stage::Stage;
+use frugal_trace::bsdf::Shading;
+use frugal_trace::integrator::{
+    FirstHit, Pixels, ReferenceScene, Settings, View, Watch, render, surfaces,
+};
+use frugal_trace::metrics::Radiance;
+use frugal_trace::scene::CameraPose;
+
+use crate::set;
 
 /// `scene` without its environment light, of which the reference would trace bounces that the
 /// measured methods do not render.
@@ -42,9 +48,8 @@ pub fn bounces(
     tracing: Tracing,
     most: u32,
 ) -> Radiance {
-    let traced =
-        ReferenceScene::new(&without_environment(scene)).unwrap_or_else(|error| panic!("{error}"));
-    trace(&traced, &View::new(scene, pose, tracing.size), tracing, most)
+    let traced = traced(&set::loaded(&without_environment(scene)));
+    trace(&traced, &scene.view(pose, tracing.size), tracing, most)
 }
 
 /// [`one_bounce`] on surfaces without textures, as [`strip_textures`] leaves them: the path tracer
@@ -55,7 +60,7 @@ pub fn one_bounce_untextured(
     pose: CameraPose,
     tracing: Tracing,
 ) -> Radiance {
-    trace(&untextured(scene), &View::new(scene, pose, tracing.size), tracing, 1)
+    trace(&untextured(scene), &scene.view(pose, tracing.size), tracing, 1)
 }
 
 /// The surface at the centre of each pixel, without alpha masks.
@@ -63,18 +68,23 @@ pub fn surfaces_untextured(
     scene: &SceneDescription,
     pose: CameraPose,
     size: UVec2,
-) -> Vec<Option<Seen>> {
-    surfaces(&untextured(scene), &View::new(scene, pose, size))
+) -> Vec<Option<FirstHit>> {
+    surfaces(&untextured(scene), &scene.view(pose, size))
 }
 
 fn untextured(scene: &SceneDescription) -> ReferenceScene {
-    let mut geometry = scene.geometry().unwrap_or_else(|error| panic!("{error}"));
+    let LoadedScene { description, geometry, .. } = set::loaded(&without_environment(scene));
+    let mut geometry = Arc::unwrap_or_clone(geometry);
     geometry.textures.clear();
     for material in &mut geometry.materials {
-        (material.base_color_texture, material.alpha) = (None, frugal::scene::AlphaMode::Opaque);
+        (material.base_color_texture, material.alpha) =
+            (None, frugal_trace::scene::AlphaMode::Opaque);
     }
-    ReferenceScene::with_geometry(&without_environment(scene), geometry)
-        .unwrap_or_else(|error| panic!("{error}"))
+    traced(&LoadedScene::with_geometry(description, geometry))
+}
+
+fn traced(scene: &LoadedScene) -> ReferenceScene {
+    scene.reference().unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Removes the textures and alpha masks of all materials of a stage.

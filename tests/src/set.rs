@@ -13,8 +13,11 @@ use bevy::mesh::Mesh3d;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{CameraCut, FrugalGi, GiCounts, GiShading};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobSettings};
-use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
-use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
+use frugal::scene::{self, Geometry, LoadedScene, SceneDescription};
+use frugal::stage::{Component, Output, Stage, StageOptions};
+use frugal_trace::light::Light;
+use frugal_trace::metrics::Radiance;
+use frugal_trace::scene::CameraPose;
 
 use crate::folder;
 use crate::naive_rsm::NaiveRsmPlugin;
@@ -22,7 +25,12 @@ use crate::naive_rsm::NaiveRsmPlugin;
 /// Loads a scene of the repository by its name.
 pub fn scene(name: &str) -> SceneDescription {
     let file = folder::workspace().join(format!("assets/scenes/{name}.scene.ron"));
-    scene::load(&file).unwrap_or_else(|error| panic!("{error}"))
+    scene::load(&file).unwrap_or_else(|error| panic!("{error}")).description
+}
+
+/// A scene with its geometry.
+pub fn loaded(scene: &SceneDescription) -> LoadedScene {
+    LoadedScene::new(scene.clone()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Options for an image of `width` × `height` pixels.
@@ -50,7 +58,7 @@ pub fn open_with(
         app.add_plugins(NaiveRsmPlugin);
         extend(app);
     };
-    Stage::open_with(scene, options, extend).unwrap_or_else(|error| panic!("{error}"))
+    Stage::open_with(&loaded(scene), options, extend).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Opens a stage with `lights` and no meshes.

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use bevy_frugal_gi::frontier::CameraView;
 use bevy_frugal_gi_tools::recording::CameraSample;
 use bevy_frugal_gi_tools::row_log::{RowLogError, read_rows};
+use frugal_trace::scene::CameraPose;
 
 use super::TrackSample;
 use super::set::{sample, sampled};
-use crate::scene::CameraPose;
 
 /// Longest time in which a camera counts as still, seconds. Beyond it the app was paused, or nobody
 /// played.

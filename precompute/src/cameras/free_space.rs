@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet, VecDeque};
 use glam::{IVec3, Vec3};
 use rand::RngExt;
 
-use crate::scene::{Bounds, CameraPose, RayScene};
+use frugal_trace::scene::{Bounds, CameraPose, RayScene};
 
 /// Edge of a voxel, metres; larger if the bounds would have too many voxels.
 const VOXEL: f32 = 0.5;
@@ -158,30 +158,39 @@ pub(super) fn is_usable(
 
 #[cfg(test)]
 mod tests {
+    use frugal_trace::scene::Triangle;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::scene::SceneGeometry;
-    use crate::scene::builder::{Faces, MeshBuilder};
+
+    /// A solid box: its faces, counter-clockwise seen from outside.
+    fn slab(min: Vec3, max: Vec3) -> impl Iterator<Item = Triangle> {
+        let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
+        [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].into_iter().flat_map(
+            move |axis| {
+                let up = if axis.y == 0.0 { Vec3::Y } else { Vec3::Z };
+                let right = up.cross(axis);
+                let at = |r: f32, u: f32| center + (axis + right * r + up * u) * half;
+                let [a, b, c, d] = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+                [[a, b, c], [a, c, d]].map(|corners| Triangle { corners, mesh: 0, index: 0 })
+            },
+        )
+    }
 
     /// A closed room of 6 × 3 × 6 m with a wall across it that has no door, inside bounds of 10 × 5
     /// × 10 m.
     fn scene() -> RayScene {
-        let mut builder = MeshBuilder::new();
-        let mut slab =
-            |min: [f32; 3], max: [f32; 3]| builder.cuboid(min.into(), max.into(), Faces::ALL);
-        slab([-3.2, -0.2, -3.2], [3.2, 0.0, 3.2]);
-        slab([-3.2, 3.0, -3.2], [3.2, 3.2, 3.2]);
-        slab([-3.2, 0.0, -3.2], [-3.0, 3.0, 3.2]);
-        slab([3.0, 0.0, -3.2], [3.2, 3.0, 3.2]);
-        slab([-3.0, 0.0, -3.2], [3.0, 3.0, -3.0]);
-        slab([-3.0, 0.0, 3.0], [3.0, 3.0, 3.2]);
-        slab([-0.1, 0.0, -3.0], [0.1, 3.0, 3.0]);
-        RayScene::from_geometry(&SceneGeometry {
-            meshes: vec![builder.finish(0)],
-            ..SceneGeometry::default()
-        })
+        let slabs = [
+            ([-3.2, -0.2, -3.2], [3.2, 0.0, 3.2]),
+            ([-3.2, 3.0, -3.2], [3.2, 3.2, 3.2]),
+            ([-3.2, 0.0, -3.2], [-3.0, 3.0, 3.2]),
+            ([3.0, 0.0, -3.2], [3.2, 3.0, 3.2]),
+            ([-3.0, 0.0, -3.2], [3.0, 3.0, -3.0]),
+            ([-3.0, 0.0, 3.0], [3.0, 3.0, 3.2]),
+            ([-0.1, 0.0, -3.0], [0.1, 3.0, 3.0]),
+        ];
+        RayScene::new(slabs.into_iter().flat_map(|(min, max)| slab(min.into(), max.into())))
     }
 
     fn bounds() -> Bounds {

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use crate::scene::CameraPose;
+use frugal_trace::scene::CameraPose;
 
 /// A camera's pose and motion at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,6 @@
 //! Training and calibration cameras of a scene.
 
+use frugal_trace::scene::{Bounds, CameraPose, RayScene};
 use glam::{EulerRot, Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::free_space::is_usable;
 use super::pose::FREE;
 use super::{Clearance, FreeSpace, MovingCamera, stretches};
-use crate::scene::{Bounds, CameraPath, CameraPose, RayScene};
+use crate::scene::CameraPath;
 
 /// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
 const PITCH: f32 = 0.5;
@@ -311,25 +312,24 @@ fn evenly_mixed(lists: [Vec<MovingCamera>; 3]) -> Vec<MovingCamera> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{SceneDescription, load};
+    use crate::scene::{LoadedScene, load};
 
-    fn courtyard() -> (SceneDescription, RayScene) {
+    fn courtyard() -> LoadedScene {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
             .join("../assets/scenes/courtyard.scene.ron");
-        let scene = load(&file).expect("a scene");
-        let rays = RayScene::from_geometry(&scene.geometry().expect("its geometry"));
-        (scene, rays)
+        load(&file).expect("a scene")
     }
 
     #[test]
     fn cameras_are_at_reachable_positions_and_the_sets_are_disjoint() {
-        let (scene, rays) = courtyard();
-        let bounds = scene.camera_bounds(None);
+        let scene = courtyard();
+        let rays = &*scene.rays;
+        let bounds = scene.camera_bounds();
         let tracks = tracks_of(scene.paths.values(), 15.0);
         let lens = (scene.camera.vertical_fov.to_radians(), 16.0 / 9.0);
         let sampled = |seed| {
             CameraSet::sample(
-                &rays,
+                rays,
                 &bounds,
                 &tracks,
                 [60, 20, 30],
@@ -383,12 +383,13 @@ mod tests {
 
     #[test]
     fn without_tracks_all_come_from_free_space_and_without_space_none() {
-        let (scene, rays) = courtyard();
-        let bounds = scene.camera_bounds(None);
+        let scene = courtyard();
+        let rays = &*scene.rays;
+        let bounds = scene.camera_bounds();
         let sampled = |rays: &RayScene, bounds| {
             CameraSet::sample(rays, bounds, &[], [10, 5, 2], &CameraMix::default(), (1.0, 1.5), 1)
         };
-        assert_eq!(sampled(&rays, &bounds).training.len(), 10);
+        assert_eq!(sampled(rays, &bounds).training.len(), 10);
         let nothing = RayScene::new([]);
         assert!(sampled(&nothing, &bounds).training.is_empty(), "nothing can be seen");
     }

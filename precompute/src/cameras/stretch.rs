@@ -1,8 +1,9 @@
 //! Stretches of tracks: what a camera shows in the second before a moment, as in play.
 
+use frugal_trace::scene::CameraPose;
+
 use super::TrackSample;
 use super::set::locate;
-use crate::scene::CameraPose;
 
 /// `count` stretches of `frames` poses each, that end evenly over all of `tracks`. Fewer where a
 /// track is shorter, or cuts within the stretch.

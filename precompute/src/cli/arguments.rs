@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
 use crate::cost::{WORK_METER, is_work_meter};
 use crate::files;
-use crate::scene::CameraPose;
 use crate::stage::StageOptions;
 
 /// Conditions of images: size, frame rate and knobs.

@@ -50,11 +50,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let request = stage_for(&scene, &arguments.capture)?;
     let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
-    let bounds = scene.camera_bounds(stage.bounds());
+    let bounds = scene.camera_bounds();
     let fps = arguments.capture.image.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
     let cameras = CameraSet::sample(
-        stage.rays(),
+        &scene.rays,
         &bounds,
         &tracks,
         [CAMERAS, 0, 0],

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use frugal_trace::metrics::{Difference, Radiance};
+
 use super::CliError;
 use super::arguments::{check_outputs, json, write};
-use crate::metrics::{Difference, Radiance};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {

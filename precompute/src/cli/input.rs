@@ -8,11 +8,11 @@ use bevy_frugal_gi::knobs::did_you_mean;
 use super::CliError;
 use super::arguments::CaptureArguments;
 use crate::evaluate::PathPlan;
-use crate::scene::{self, SceneDescription};
+use crate::scene::{self, LoadedScene, SceneDescription};
 use crate::stage::{self, StageRequest};
 
 /// Loads a scene; returns it with its name.
-pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliError> {
+pub(super) fn open_scene(path: &Path) -> Result<(LoadedScene, String), CliError> {
     let scene = scene::load(path)?;
     let file = path
         .file_name()
@@ -71,7 +71,7 @@ pub(super) fn plan_path(
 
 /// Names of the requested knobs, or of those that affect the scene.
 pub(super) fn knobs(
-    scene: &SceneDescription,
+    scene: &LoadedScene,
     capture: &CaptureArguments,
 ) -> Result<Vec<String>, CliError> {
     Ok(match &capture.image.knobs {
@@ -82,7 +82,7 @@ pub(super) fn knobs(
 
 /// A stage of `scene` under the conditions of the arguments.
 pub(super) fn stage_for(
-    scene: &SceneDescription,
+    scene: &LoadedScene,
     capture: &CaptureArguments,
 ) -> Result<StageRequest, CliError> {
     Ok(StageRequest {
@@ -96,7 +96,7 @@ pub(super) fn stage_for(
 
 /// The same under the conditions of the map at `map_path`; `meter`: another than the map's.
 pub(super) fn stage_for_map(
-    scene: &SceneDescription,
+    scene: &LoadedScene,
     map: &FrontierMap,
     map_path: &Path,
     meter: Option<String>,

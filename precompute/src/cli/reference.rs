@@ -2,14 +2,16 @@
 
 use std::time::Instant;
 
+use frugal_trace::bsdf::Shading;
+use frugal_trace::integrator::{Settings, Watch, render};
+use frugal_trace::metrics::tone;
 use glam::UVec2;
 
 use super::CliError;
 use super::arguments::{CameraArguments, PictureArguments, size, write};
 use super::input::open_scene;
 use super::progress::{Progress, interrupted};
-use crate::metrics::tone;
-use crate::reference::{ReferenceError, ReferenceScene, Settings, Shading, View, Watch, render};
+use crate::scene::ReferenceError;
 use crate::stage::Component;
 
 #[derive(clap::Args, Debug)]
@@ -66,8 +68,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
     let (description, name) = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&name)?;
-    let scene = ReferenceScene::new(&description)?;
-    let view = View::new(&description, arguments.camera.pose()?, arguments.size);
+    let scene = description.reference()?;
+    let view = description.view(arguments.camera.pose()?, arguments.size);
     let settings = Settings {
         samples: arguments.spp,
         // Components that are not requested are not traced.

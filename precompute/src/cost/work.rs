@@ -2,8 +2,9 @@
 
 use bevy_frugal_gi::gi::{FrugalGi, GiLimits, GiVisibility};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_trace::light::Light;
 
-use crate::scene::{Environment, Light, SceneDescription};
+use crate::scene::{Environment, SceneDescription};
 
 /// Parameters of a frame's work other than its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,13 +4,13 @@
 use std::ops::ControlFlow;
 
 use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_trace::metrics::{Picture, Reference};
 
 use super::play::{Against, play};
 use super::{
-    Drift, EvaluationError, EvaluationResult, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy,
-    Progress,
+    Drift, EvaluationError, EvaluationResult, Fixed, FrameRecord, PathPlan, Policy, Progress,
 };
-use crate::metrics::{Picture, Reference};
+use crate::stage::FrameRenderer;
 
 /// Frames of history of an image.
 const HISTORY: usize = 8;

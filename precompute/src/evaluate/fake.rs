@@ -10,14 +10,15 @@ use bevy_frugal_gi::frontier::{
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::Picture;
 use glam::{Quat, Vec3};
 
 use super::{
-    Baselines, BudgetRequest, EvaluationResult, FrameRenderer, PathPlan, PathRecord, Pose,
-    RenderedFrame, Trial, settings_to_record,
+    Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Pose, Trial,
+    settings_to_record,
 };
 use crate::journal::{Existing, Journal, JournalHeader};
-use crate::metrics::Picture;
+use crate::stage::{FrameRenderer, RenderedFrame};
 
 /// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre
 /// along X. Images are uniformly grey: 200, minus 10 for each missing level.

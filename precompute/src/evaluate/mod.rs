@@ -1,6 +1,6 @@
 //! Plays a camera path under a budget beside baselines, and compares power and error of the runs.
 //!
-//! Independent of the renderer: a [`FrameRenderer`] renders and meters, a [`Policy`] decides the
+//! Independent of the renderer: a [`FrameRenderer`](crate::stage::FrameRenderer) renders and meters, a [`Policy`] decides the
 //! settings of each frame.
 //!
 //! | part | job |
@@ -38,8 +38,7 @@ pub use for_benches::{ReactiveLadder, RecordedPath};
 pub(crate) use judge::{Baselines, Trial, settings_to_record};
 pub(crate) use path_costs::{PathRecord, RecordError};
 pub(crate) use play::{
-    Choice, Controlled, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose,
-    Progress, RenderedFrame,
+    Choice, Controlled, EvaluationError, Fixed, FrameRecord, PathPlan, Policy, Pose, Progress,
 };
 pub(crate) use result::{Drift, EvaluationResult, RunResult};
 pub(crate) use table::{frames_csv, table};

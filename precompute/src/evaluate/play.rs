@@ -5,9 +5,10 @@ use std::ops::ControlFlow;
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::{Reference, SsimError};
 
-use crate::metrics::{CompareError, Picture, Reference};
 use crate::scene::CameraPath;
+use crate::stage::FrameRenderer;
 
 /// Why an evaluation failed. `E` is the [`FrameRenderer`]'s error.
 #[derive(Debug, thiserror::Error)]
@@ -24,7 +25,7 @@ pub(crate) enum EvaluationError<E> {
         /// The frame's number.
         frame: usize,
         /// Why.
-        source: CompareError,
+        source: SsimError,
     },
     /// A power that is negative or not finite.
     #[error("run `{run}`, frame {frame}: the meter gave {watts} W")]
@@ -42,44 +43,7 @@ pub(crate) enum EvaluationError<E> {
 }
 
 /// A camera's pose.
-pub(crate) type Pose = crate::scene::CameraPose;
-
-/// A rendered frame.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct RenderedFrame {
-    /// The display-referred image.
-    pub picture: Picture,
-    /// Power at the target frame rate: idle + this frame's energy × frames per second.
-    pub power: Watts,
-}
-
-/// Renders and meters frames: the headless stage, or formulas in tests.
-pub(crate) trait FrameRenderer {
-    /// Why no frame was rendered.
-    type Error;
-
-    /// Starts a run called `name` at `pose` with `settings`: resets temporal history and warms up,
-    /// so that the first frame costs no more than the others. The run's first frame follows.
-    ///
-    /// # Errors
-    /// When the run cannot start.
-    fn begin_run(
-        &mut self,
-        name: &str,
-        pose: &Pose,
-        settings: KnobLevels,
-    ) -> Result<(), Self::Error>;
-
-    /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
-    ///
-    /// # Errors
-    /// When rendering or metering fails. An unknown power is an error, never 0 W.
-    fn render_frame(
-        &mut self,
-        pose: &Pose,
-        settings: KnobLevels,
-    ) -> Result<RenderedFrame, Self::Error>;
-}
+pub(crate) type Pose = frugal_trace::scene::CameraPose;
 
 /// A policy's choice for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,12 +6,13 @@ use std::sync::mpsc;
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_trace::metrics::Reference;
 
 use super::path_costs::RecordError;
 use super::play::{Against, play};
-use super::{EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, PathRecord, Progress};
+use super::{EvaluationError, Fixed, FrameRecord, PathPlan, PathRecord, Progress};
 use crate::journal::{Journal, JournalError};
-use crate::metrics::Reference;
+use crate::stage::FrameRenderer;
 
 impl PathRecord {
     /// Renders the whole path with each of `settings` that is not recorded yet, and stores each

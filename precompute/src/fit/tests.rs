@@ -5,13 +5,13 @@ use bevy_frugal_gi::frontier::{
     Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection, look_up_in,
 };
 use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_trace::scene::CameraPose;
 use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::cameras::{FREE, MovingCamera};
-use crate::scene::CameraPose;
 use crate::table::CostTable;
 
 const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0, 8.0, 8.0] };

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_trace::scene::CameraPose;
 
 use super::PipelineError;
 use super::clock::Clock;
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::{Journal, JournalError};
-use crate::scene::CameraPose;
 use crate::table::{Batch, Measure, Measured};
 use crate::view_features::ViewFeatures;
 

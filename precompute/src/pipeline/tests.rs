@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::Knob;
+use frugal_trace::scene::CameraPose;
 use glam::{Quat, Vec3};
 
 use super::*;
 use crate::cost::Work;
 use crate::journal::{Existing, Journal, JournalHeader, records_of};
-use crate::scene::CameraPose;
 use crate::table::{Batch, Measured};
 
 const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0; 3] };

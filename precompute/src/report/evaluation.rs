@@ -1,7 +1,8 @@
 //! The report of `frugal evaluate`.
 
+use frugal_trace::metrics::Picture;
+
 use crate::evaluate::{EvaluationResult, FramePicture, FrameRecord, RunResult};
-use crate::metrics::Picture;
 
 use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, provenance};
 

@@ -45,7 +45,7 @@ pub(crate) enum ReportError {
     Plot(String),
     /// An image could not be encoded.
     #[error(transparent)]
-    Picture(#[from] crate::metrics::PictureError),
+    Picture(#[from] frugal_trace::metrics::PictureError),
 }
 
 /// Describes the power meter in a sentence.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use crate::metrics::Picture;
+use frugal_trace::metrics::Picture;
 
 use super::{Color, ReportError};
 

@@ -1,9 +1,12 @@
 //! Validation of descriptions: ranges, and rules between fields.
 
-use super::description::{Environment, Geometry, Light, SceneDescription};
-use super::{CameraPath, procedural};
 use bevy_frugal_gi::knobs::did_you_mean;
+use frugal_trace::light::Light;
 use glam::Vec3;
+
+use super::built_in;
+use super::description::{Environment, Geometry, SceneDescription};
+use super::path::CameraPath;
 
 /// A problem of a description, and its remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,22 +71,22 @@ fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
     })
 }
 
-/// A name that is not one of [`procedural::NAMES`].
-pub(super) fn no_such_procedure(name: &str) -> Problem {
-    let known = procedural::NAMES.map(|name| format!("\"{name}\"")).join(", ");
+/// A name that is not one of [`built_in::NAMES`].
+pub(super) fn no_such_scene(name: &str) -> Problem {
+    let known = built_in::NAMES.map(|name| format!("\"{name}\"")).join(", ");
     Problem {
         field: "geometry[0]".into(),
         problem: format!("no procedural scene is called \"{name}\""),
-        remedy: format!("{}use one of {known}", did_you_mean(name, procedural::NAMES)),
+        remedy: format!("{}use one of {known}", did_you_mean(name, built_in::NAMES)),
     }
 }
 
 /// Checks every value of a description, but not the files that it names.
 pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     if let Geometry::Procedural(name) = &description.geometry
-        && !procedural::NAMES.contains(&name.as_str())
+        && !built_in::NAMES.contains(&name.as_str())
     {
-        return Err(no_such_procedure(name));
+        return Err(no_such_scene(name));
     }
     for (i, each) in description.lights.iter().enumerate() {
         light(&format!("lights[{i}]"), each)?;

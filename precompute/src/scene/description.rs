@@ -1,14 +1,13 @@
-//! The contents of a `*.scene.ron` file. [`load`](super::load::load) reads and checks one.
+//! The contents of a `*.scene.ron` file. [`load`](super::load()) reads and checks one.
 
-use super::{Bounds, CameraPath};
-use glam::Vec3;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Default margin of the camera bounds, as a share of the geometry's extent at each side: walls are
-/// seldom thinner.
-const DEFAULT_BOUNDS_MARGIN: f32 = 0.1;
+use frugal_trace::light::Light;
+use frugal_trace::scene::Bounds;
+use serde::{Deserialize, Serialize};
+
+use super::path::CameraPath;
 
 /// A scene: geometry, lights, and camera space. Every field but the geometry has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,8 +28,8 @@ pub struct SceneDescription {
     /// The lens of all cameras.
     #[serde(default)]
     pub camera: Camera,
-    /// Camera space; by default the geometry's bounding box minus a margin, see
-    /// [`camera_bounds`](Self::camera_bounds).
+    /// Camera space, the octree's root; by default the geometry's bounding box minus a margin, see
+    /// [`camera_bounds`](super::LoadedScene::camera_bounds).
     #[serde(default)]
     pub bounds: Option<Bounds>,
     /// Camera paths by name; none by default.
@@ -48,65 +47,8 @@ pub struct SceneDescription {
 pub enum Geometry {
     /// A `.glb` or `.gltf` file, relative to the description.
     Gltf(String),
-    /// Procedural: one of `NAMES` in `scene/procedural`.
+    /// A scene that comes with the tool: one of `NAMES` in `scene/built_in.rs`.
     Procedural(String),
-}
-
-/// A light. Colours are linear RGB that scale the light, each at least 0; quantities are
-/// photometric.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum Light {
-    /// Parallel light, such as the sun's.
-    Directional {
-        /// Direction in which the light travels, not zero; need not be a unit vector.
-        #[serde(with = "triple")]
-        direction: Vec3,
-        /// Illuminance of a surface that faces the light, lux, at least 0.
-        illuminance: f32,
-        /// Colour; white by default.
-        #[serde(default = "white")]
-        color: [f32; 3],
-    },
-    /// A point light.
-    Point {
-        /// Metres.
-        #[serde(with = "triple")]
-        position: Vec3,
-        /// Luminous power, lumens, at least 0.
-        luminous_power: f32,
-        /// Range, metres, greater than 0: there is no light beyond it; 30 by default.
-        #[serde(default = "default_range")]
-        range: f32,
-        /// Colour; white by default.
-        #[serde(default = "white")]
-        color: [f32; 3],
-    },
-    /// A spot light.
-    Spot {
-        /// Metres.
-        #[serde(with = "triple")]
-        position: Vec3,
-        /// The axis of the cone, not zero; need not be a unit vector.
-        #[serde(with = "triple")]
-        direction: Vec3,
-        /// Luminous power, lumens, at least 0. As in Bevy, that of a point light without the cone:
-        /// the cone masks the light and does not concentrate it, so that the intensity on the axis
-        /// is power ÷ 4π candela.
-        luminous_power: f32,
-        /// Range, metres, greater than 0: there is no light beyond it; 30 by default.
-        #[serde(default = "default_range")]
-        range: f32,
-        /// Half angle of the cone that is fully lit, degrees, in [0, `outer_angle`]; 30 by default.
-        #[serde(default = "default_inner_angle")]
-        inner_angle: f32,
-        /// Half angle at which the light ends, degrees, in (0, 90]; 45 by default.
-        #[serde(default = "default_outer_angle")]
-        outer_angle: f32,
-        /// Colour; white by default.
-        #[serde(default = "white")]
-        color: [f32; 3],
-    },
 }
 
 /// A scene's environment light and background.
@@ -160,52 +102,8 @@ impl SceneDescription {
     pub fn resolve(&self, file: &str) -> PathBuf {
         self.source.parent().unwrap_or(Path::new("")).join(file)
     }
-
-    /// The camera space: [`bounds`](Self::bounds), else the geometry's bounding box minus a tenth
-    /// of its extent at each side. Without geometry a cubic metre around the origin.
-    pub fn camera_bounds(&self, geometry: Option<Bounds>) -> Bounds {
-        let fallback = Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
-        self.bounds.unwrap_or_else(|| {
-            geometry.map_or(fallback, |bounds| bounds.shrunk(DEFAULT_BOUNDS_MARGIN))
-        })
-    }
 }
 
 fn default_exposure() -> f32 {
     12.0
-}
-
-fn white() -> [f32; 3] {
-    [1.0; 3]
-}
-
-fn default_range() -> f32 {
-    30.0
-}
-
-fn default_inner_angle() -> f32 {
-    30.0
-}
-
-fn default_outer_angle() -> f32 {
-    45.0
-}
-
-/// A vector written as `(x, y, z)`: Bevy's own form depends on its enabled features.
-pub(super) mod triple {
-    use glam::Vec3;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub(crate) fn serialize<S: Serializer>(
-        vector: &Vec3,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        vector.to_array().serialize(serializer)
-    }
-
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<Vec3, D::Error> {
-        <[f32; 3]>::deserialize(deserializer).map(Vec3::from_array)
-    }
 }

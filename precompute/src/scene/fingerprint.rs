@@ -1,7 +1,9 @@
 //! A machine-independent hash of a scene.
 
-use super::description::{Camera, Environment, Geometry, Light, SceneDescription};
+use frugal_trace::light::Light;
 use glam::Vec3;
+
+use super::description::{Camera, Environment, Geometry, SceneDescription};
 
 /// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but
 /// accidental collisions are negligible.

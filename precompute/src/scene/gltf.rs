@@ -2,18 +2,20 @@
 //!
 //! Reads every triangle primitive of the default scene (lists, strips and fans) with its node's
 //! transform, `POSITION`, `NORMAL`, `TEXCOORD_0`, `COLOR_0`, base colour with its texture,
-//! roughness, metallic, emission (its unitless factor is interpreted as nits), alpha mask, and
-//! double-sidedness. Skins stay in their bind pose. Blended materials become opaque. Cameras,
-//! lights and animations are left out.
+//! roughness, metallic, the specular factor of `KHR_materials_specular`, emission (its unitless
+//! factor is interpreted as nits), alpha mask, and double-sidedness. Skins stay in their bind pose.
+//! Blended materials become opaque. Cameras, lights and animations are left out.
 
-use super::gltf_buffers::{Buffers, read_uri};
-use super::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
+use std::path::{Path, PathBuf};
+
+use frugal_trace::scene::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
 use glam::{Mat3, Mat4, Vec2, Vec3};
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
 use gltf::{Gltf, Primitive, Semantic};
-use std::path::{Path, PathBuf};
 use thiserror::Error;
+
+use super::gltf_buffers::{Buffers, read_uri};
 
 /// Greatest number of triangles: nodes can repeat a mesh without limit, and memory is limited.
 const GREATEST_TRIANGLE_COUNT: usize = 50_000_000;
@@ -71,7 +73,10 @@ pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<SceneGeometry, GltfErro
     let mut geometry = SceneGeometry::default();
     let textures: Vec<Option<usize>> = file
         .textures()
-        .map(|texture| decode_texture(&texture, &buffers, path, &mut geometry))
+        .map(|texture| {
+            let cutoff = cutoff_of(&file, &texture);
+            decode_texture(&texture, &buffers, path, cutoff, &mut geometry)
+        })
         .collect();
     geometry.materials =
         file.materials().map(|material| convert_material(&material, &textures)).collect();
@@ -194,11 +199,13 @@ fn convert_primitive(
             "an index is {index} where there are {count} positions"
         )));
     }
+    // What stays in place keeps every bit, signs of zeros too.
+    let is_moved = placement != Mat4::IDENTITY;
+    let placed = |position| {
+        if is_moved { placement.transform_point3(position) } else { position }
+    };
     let mut mesh = SceneMesh {
-        positions: positions
-            .into_iter()
-            .map(|position| placement.transform_point3(position))
-            .collect(),
+        positions: positions.into_iter().map(placed).collect(),
         uvs: vec![Vec2::ZERO; count],
         colors: vec![[1.0; 4]; count],
         indices: triangle_list(mode, &order),
@@ -238,9 +245,10 @@ fn convert_primitive(
             let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
             let cofactor =
                 Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
+            let turned = |normal| if is_moved { cofactor * normal } else { normal };
             mesh.normals = normals
                 .into_iter()
-                .map(|normal| (cofactor * Vec3::from_array(normal)).normalize_or(Vec3::Y))
+                .map(|normal| turned(Vec3::from_array(normal)).normalize_or(Vec3::Y))
                 .collect();
         }
         None => flatten(&mut mesh),
@@ -281,38 +289,54 @@ fn flatten(mesh: &mut SceneMesh) {
     mesh.positions = positions;
 }
 
+fn clamped(value: f32, least: f32, greatest: f32) -> f32 {
+    if value.is_finite() { value.clamp(least, greatest) } else { least }
+}
+
+/// The cutoff of a material with an alpha mask.
+fn cutoff(material: &gltf::Material) -> Option<f32> {
+    let has_mask = material.alpha_mode() == gltf::material::AlphaMode::Mask;
+    has_mask.then(|| clamped(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0))
+}
+
+/// The cutoff of the first material with an alpha mask that uses `texture`.
+fn cutoff_of(file: &Gltf, texture: &gltf::Texture) -> Option<f32> {
+    file.materials().find_map(|material| {
+        let used = material.pbr_metallic_roughness().base_color_texture()?.texture();
+        cutoff(&material).filter(|_| used.index() == texture.index())
+    })
+}
+
 fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> SceneMaterial {
     let surface = material.pbr_metallic_roughness();
     let texture = surface
         .base_color_texture()
         .and_then(|info| textures.get(info.texture().index()).copied().flatten());
-    let clamped = |value: f32, least: f32, greatest: f32| {
-        if value.is_finite() { value.clamp(least, greatest) } else { least }
-    };
     SceneMaterial {
         base_color: surface.base_color_factor().map(|value| clamped(value, 0.0, 1.0)),
         perceptual_roughness: clamped(surface.roughness_factor(), 0.0, 1.0),
         metallic: clamped(surface.metallic_factor(), 0.0, 1.0),
-        reflectance: 0.5,
+        // As in Bevy, which halves the factor.
+        reflectance: 0.5
+            * material
+                .extension_value("KHR_materials_specular")
+                .and_then(|specular| specular["specularFactor"].as_f64())
+                .map_or(1.0, |factor| clamped(factor as f32, 0.0, 1.0)),
         emissive: material.emissive_factor().map(|value| {
             clamped(value * material.emissive_strength().unwrap_or(1.0), 0.0, f32::MAX)
         }),
-        alpha: match material.alpha_mode() {
-            gltf::material::AlphaMode::Mask => {
-                AlphaMode::Mask(clamped(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0))
-            }
-            _ => AlphaMode::Opaque,
-        },
+        alpha: cutoff(material).map_or(AlphaMode::Opaque, AlphaMode::Mask),
         double_sided: material.double_sided(),
         base_color_texture: texture,
     }
 }
 
-/// Decodes a texture into `geometry`, or adds a warning that it is left out.
+/// Decodes a texture into `geometry`, with the coverage of an alpha mask of `cutoff`, or adds a warning that it is left out.
 fn decode_texture(
     texture: &gltf::Texture,
     buffers: &Buffers,
     path: &Path,
+    cutoff: Option<f32>,
     geometry: &mut SceneGeometry,
 ) -> Option<usize> {
     let image = texture.source();
@@ -324,7 +348,7 @@ fn decode_texture(
         let picture =
             image::load_from_memory(&bytes).map_err(|error| error.to_string())?.into_rgba8();
         let (width, height) = picture.dimensions();
-        SceneTexture::from_rgba8(width, height, picture.into_raw(), None)
+        SceneTexture::from_rgba8(width, height, picture.into_raw(), cutoff)
             .ok_or_else(|| "it is empty".to_owned())
     });
     match decoded {

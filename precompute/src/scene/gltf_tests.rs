@@ -72,6 +72,20 @@ fn reads_transforms_colors_and_materials() {
 }
 
 #[test]
+fn a_specular_factor_scales_the_reflectance() {
+    let reflectance = |factor: &str| {
+        let extension = format!(
+            r#""extensions":{{"KHR_materials_specular":{{"specularFactor":{factor}}}}},"alphaMode""#
+        );
+        read(&QUAD.replace("\"alphaMode\"", &extension)).unwrap().materials[0].reflectance
+    };
+    assert_eq!(read(QUAD).unwrap().materials[0].reflectance, 0.5);
+    for (factor, expected) in [("0", 0.0), ("0.7", 0.35), ("9", 0.5), ("\"no\"", 0.5)] {
+        assert_eq!(reflectance(factor), expected, "{factor}");
+    }
+}
+
+#[test]
 fn strips_fans_and_mirrors_keep_their_fronts() {
     // In the order 0, 1, 3, 2 the quad is a strip; in 0, 1, 2, 3 it is a fan.
     for (mode, order) in [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])] {

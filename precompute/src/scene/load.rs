@@ -1,14 +1,17 @@
 //! Reads and checks a `*.scene.ron` file.
 
+use std::path::{Path, PathBuf};
+
+use bevy_frugal_gi::knobs::did_you_mean;
+use frugal_trace::scene::SceneGeometry;
+use ron::error::SpannedError;
+use ron::extensions::Extensions;
+use thiserror::Error;
+
 use super::check::{self, Problem};
 use super::description::{Environment, Geometry, SceneDescription};
 use super::fingerprint::Fingerprint;
-use super::{SceneGeometry, gltf, locate, procedural};
-use bevy_frugal_gi::knobs::did_you_mean;
-use ron::error::SpannedError;
-use ron::extensions::Extensions;
-use std::path::{Path, PathBuf};
-use thiserror::Error;
+use super::{built_in, gltf, locate};
 
 /// Why a scene cannot be used.
 #[derive(Debug, Error)]
@@ -41,31 +44,31 @@ pub enum SceneError {
     },
 }
 
-/// Reads the scene description at `path` and checks it, with the files that it names.
+/// Reads the scene description at `path` and its geometry, and checks them, with the other files
+/// that it names.
 ///
 /// # Errors
 /// [`SceneError`], which names file, line, column, field, problem and remedy.
-pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
-    let path = path.as_ref();
+pub(super) fn load_with_geometry(
+    path: &Path,
+) -> Result<(SceneDescription, SceneGeometry), SceneError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| SceneError::Unreadable { file: path.to_path_buf(), source })?;
     let description = parse(&text, path)?;
     let at_field = |problem| locate_problem(&text, path, problem);
-    if let Geometry::Gltf(_) = description.geometry {
-        description.build_geometry().map_err(at_field)?;
-    }
+    let geometry = description.read_geometry().map_err(at_field)?;
     if let Environment::Map(name, _) = &description.environment {
         read_environment(&description, name).map_err(at_field)?;
     }
-    Ok(description)
+    Ok((description, geometry))
 }
 
 /// Reads a description from `text` and checks it, but not the files that it names; `path` is named
 /// in errors, and those files are relative to it.
 ///
 /// # Errors
-/// As [`load`].
-pub(crate) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
+/// As [`load_with_geometry`].
+pub(super) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     let mut description: SceneDescription =
         options.from_str(text).map_err(|error| explain(text, path, &error))?;
@@ -75,18 +78,18 @@ pub(crate) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneEr
 }
 
 impl SceneDescription {
-    /// Reads or builds the scene's geometry, merged to as few materials as possible.
+    /// Reads the scene's geometry, merged to as few materials as possible.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
-    pub fn geometry(&self) -> Result<SceneGeometry, SceneError> {
-        self.build_geometry().map(SceneGeometry::merge).map_err(|problem| self.locate(problem))
+    pub(super) fn geometry(&self) -> Result<SceneGeometry, SceneError> {
+        self.read_geometry().map_err(|problem| self.locate(problem))
     }
 
     /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with
     /// every change of the scene's images or camera space: the values of this description (but not
     /// its paths, its layout or its name), the bytes of the files that it names, the revision of a
-    /// procedural scene. Images beside a `.gltf` are not included; those in a `.glb` are.
+    /// scene that comes with the tool. Images beside a `.gltf` are not included; those in a `.glb` are.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at the field whose file cannot be read.
@@ -109,8 +112,8 @@ impl SceneDescription {
                     fingerprint.bytes(buffer);
                 });
             }
-            Geometry::Procedural(name) => {
-                fingerprint.bytes(&procedural::revision(name).to_le_bytes());
+            Geometry::Procedural(_) => {
+                fingerprint.bytes(&built_in::REVISION.to_le_bytes());
             }
         }
         if let Environment::Map(name, _) = &self.environment {
@@ -120,15 +123,15 @@ impl SceneDescription {
         Ok(fingerprint.digits())
     }
 
-    fn build_geometry(&self) -> Result<SceneGeometry, Problem> {
-        match &self.geometry {
-            Geometry::Gltf(name) => {
-                gltf::load(&self.resolve(name)).map_err(|error| geometry_problem(name, &error))
-            }
+    fn read_geometry(&self) -> Result<SceneGeometry, Problem> {
+        let (name, read) = match &self.geometry {
+            Geometry::Gltf(name) => (name, gltf::load(&self.resolve(name))),
             Geometry::Procedural(name) => {
-                procedural::build(name).ok_or_else(|| check::no_such_procedure(name))
+                let bytes = built_in::glb(name).ok_or_else(|| check::no_such_scene(name))?;
+                (name, gltf::parse(bytes, Path::new(name)))
             }
-        }
+        };
+        read.map(SceneGeometry::merge).map_err(|error| geometry_problem(name, &error))
     }
 
     /// The error's location in the description's file; line 1 if that file is missing.

@@ -1,6 +1,9 @@
-use super::*;
-use crate::scene::{Bounds, Environment, Light};
+use frugal_trace::light::Light;
+use frugal_trace::scene::Bounds;
 use glam::Vec3;
+
+use super::*;
+use crate::scene::{LoadedScene, load};
 
 /// A complete description, as in the documentation; each test spoils one value.
 const VALID: &str = r#"(
@@ -60,7 +63,7 @@ fn the_documented_form_is_read() {
     assert_eq!(description.paths["tour"].duration(), 2.5);
     let Light::Spot { range, color, .. } = description.lights[2] else { panic!() };
     assert_eq!((range, color), (30.0, [1.0; 3]));
-    assert!(description.geometry().unwrap().triangle_count() > 0);
+    assert!(LoadedScene::new(description).unwrap().rays.triangle_count() > 0);
 }
 
 #[test]
@@ -70,7 +73,7 @@ fn everything_but_the_geometry_has_a_default() {
     let mut expected = SceneDescription::new(Geometry::Procedural("furnace".into()));
     expected.source = "f.scene.ron".into();
     assert_eq!(description, expected);
-    let bounds = description.camera_bounds(description.geometry().unwrap().bounds());
+    let bounds = LoadedScene::new(description).unwrap().camera_bounds();
     assert!((bounds.max.x - 1.6).abs() < 0.01 && (bounds.min.y + 1.6).abs() < 0.01, "{bounds:?}");
     let partial =
         parse("(geometry: Procedural(\"furnace\"), camera: (far: 9.0))", Path::new("f.scene.ron"))
@@ -166,7 +169,7 @@ fn missing_and_broken_files_are_named_at_their_field() {
     std::fs::write(folder.path().join("a.glb"), b"no").unwrap();
     fails(&["glTF"]);
     std::fs::write(folder.path().join("a.glb"), &glb).unwrap();
-    assert_eq!(load(&file).unwrap().geometry().unwrap().triangle_count(), 2);
+    assert_eq!(load(&file).unwrap().geometry.triangle_count(), 2);
     let text = VALID.replace("Constant((200.0, 220.0, 260.0))", "Map(\"sky.hdr\", 1000.0)");
     std::fs::write(&file, text).unwrap();
     assert!(

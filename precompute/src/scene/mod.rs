@@ -1,36 +1,27 @@
-//! Scenes: description file, geometry, and camera paths. Plain Rust, without the renderer.
+//! Scenes: description file, geometry from files, and camera paths. Plain Rust, without the renderer.
 //!
 //! | module | job |
 //! |---|---|
 //! | `description` | contents of a `*.scene.ron` file |
-//! | `load` | reads and checks such a file; errors name file, line, column, field and remedy |
 //! | `path` | camera paths between keys |
-//! | `mesh`, `builder`, `texture` | renderer-free geometry, and its construction in code |
-//! | `gltf` | geometry from a `.glb` or `.gltf` file |
-//! | `procedural` | procedural geometry |
-//! | `sky` | latitude-longitude environment maps |
-//! | `rays` | ray queries: visibility from cameras, inside tests |
-pub(crate) mod bounds;
-pub(crate) mod builder;
+//! | `gltf`, `gltf_buffers` | geometry from a `.glb` or `.gltf` file |
+//! | `built_in` | the scenes that come with the tool |
+//! | `check`, `locate` | rules of a description; line and column of a field |
+//! | `fingerprint` | a scene's identity |
+//! | `load` | reads and checks a description; errors name file, line, column, field and remedy |
+//! | `loaded` | a scene in memory, read once |
+mod built_in;
 mod check;
-pub(crate) mod description;
+mod description;
 mod fingerprint;
-pub(crate) mod gltf;
+mod gltf;
 mod gltf_buffers;
-pub(crate) mod load;
+mod load;
+mod loaded;
 mod locate;
-pub(crate) mod mesh;
-pub(crate) mod path;
-pub(crate) mod procedural;
-pub(crate) mod rays;
-pub(crate) mod sky;
-pub(crate) mod texture;
+mod path;
 
-pub(crate) use bounds::Bounds;
-pub use description::{Camera, Environment, Geometry, Light, SceneDescription};
-pub use load::{SceneError, load};
-pub use mesh::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, Triangle};
-pub use path::{CameraKey, CameraPath, CameraPose};
-pub(crate) use rays::{RayScene, Side};
-pub(crate) use sky::SkyMap;
-pub(crate) use texture::SceneTexture;
+pub use description::{Camera, Environment, Geometry, SceneDescription};
+pub use load::SceneError;
+pub use loaded::{LoadedScene, ReferenceError, load};
+pub use path::{CameraKey, CameraPath};

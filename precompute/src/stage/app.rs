@@ -1,5 +1,6 @@
-//! The Bevy app of a stage.
+//! The Bevy app of a stage, and the adapter that it will render on: Bevy panics without one.
 
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use bevy::DefaultPlugins;
@@ -16,7 +17,7 @@ use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
 use bevy_frugal_gi::pacing::FramePacingPlugin;
-use bevy_frugal_gi::power::PowerPlugin;
+use bevy_frugal_gi::power::{Adapter, AdapterKind, PowerPlugin};
 
 /// An app without window, log, signal handler and user interface, whose clock steps by one frame
 /// per update. `extend` adds plugins before it is finished.
@@ -56,4 +57,38 @@ pub(super) fn knobs(with_opt_in: bool) -> Result<KnobSpace, KnobSpaceError> {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
     app.world().resource::<KnobRegistry>().space_with(|_| with_opt_in)
+}
+
+/// The adapter, and the instance that found it. The instance is kept so that the driver stays
+/// loaded between stages: on NVIDIA's, processes that opened one stage after another found no
+/// adapter any more after three to thirty of them.
+static FOUND: OnceLock<(wgpu::Instance, Adapter)> = OnceLock::new();
+
+/// The adapter that the renderer will choose; `None` if there is none.
+pub fn adapter() -> Option<Adapter> {
+    if let Some((_, adapter)) = FOUND.get() {
+        return Some(adapter.clone());
+    }
+    let (instance, adapter) = find()?;
+    Some(FOUND.get_or_init(|| (instance, adapter)).1.clone())
+}
+
+fn find() -> Option<(wgpu::Instance, Adapter)> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends =
+        wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
+    let instance = wgpu::Instance::new(descriptor);
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::from_env()
+            .unwrap_or(wgpu::PowerPreference::HighPerformance),
+        ..Default::default()
+    };
+    let adapter = bevy::tasks::block_on(instance.request_adapter(&options)).ok()?;
+    let adapter = Adapter::from(&adapter.get_info());
+    Some((instance, adapter))
+}
+
+/// Whether the renderer runs on the CPU.
+pub fn software_adapter() -> bool {
+    adapter().is_some_and(|adapter| adapter.kind == AdapterKind::Software)
 }

@@ -10,10 +10,10 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
+use frugal_trace::metrics::{Picture, Radiance};
 use half::f16;
 
 use super::StageError;
-use crate::metrics::{Picture, Radiance};
 
 pub(super) fn picture(world: &World, target: &Handle<Image>) -> Result<Picture, StageError> {
     let (texture, rows) = read(world, target, 4)?;

@@ -15,11 +15,11 @@ use bevy::light::{EnvironmentMapLight, Skybox};
 use bevy::render::render_resource::{
     Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension,
 };
+use frugal_trace::scene::SkyMap;
 use half::f16;
 
 use super::StageError;
 use super::prefilter::{Cube, Pyramid};
-use crate::scene::SkyMap;
 
 /// Texels along the edge of a face of the background cube map.
 const BACKGROUND_EDGE: u32 = 256;

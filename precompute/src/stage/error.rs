@@ -33,7 +33,7 @@ pub enum StageError {
     Meter(#[from] bevy_frugal_gi::power::MeterError),
     /// The environment map.
     #[error(transparent)]
-    Environment(#[from] crate::scene::sky::SkyError),
+    Environment(#[from] frugal_trace::scene::SkyError),
     /// A pipeline that does not compile or never becomes ready.
     #[error("the renderer did not become ready: {0}")]
     NotReady(String),
@@ -42,7 +42,7 @@ pub enum StageError {
     ReadBack(String),
     /// The comparison of images.
     #[error(transparent)]
-    Compare(#[from] crate::metrics::CompareError),
+    Compare(#[from] frugal_trace::metrics::SsimError),
 }
 
 impl StageError {

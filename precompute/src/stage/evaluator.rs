@@ -3,11 +3,11 @@
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::{Picture, Reference};
+use frugal_trace::scene::CameraPose;
 
 use super::metering::SHORT_WINDOW;
 use super::{Stage, StageError};
-use crate::metrics::{Picture, Reference};
-use crate::scene::CameraPose;
 
 /// Unmetered frames at the start of a clip: the first creates textures and pipelines.
 const UNMETERED_FRAMES: usize = 1;

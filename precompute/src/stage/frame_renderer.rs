@@ -1,29 +1,61 @@
-//! The stage as the frame renderer of an evaluation: consecutive frames, as in an app.
+//! Consecutive frames, as in an app: what an evaluation plays.
 
 use bevy_frugal_gi::knobs::KnobLevels;
+use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::Picture;
+use frugal_trace::scene::CameraPose;
 
 use super::{Stage, StageError};
-use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 
-/// Renders consecutive frames on a [`Stage`].
-pub(crate) struct StageFrameRenderer<'s> {
-    stage: &'s mut Stage,
+/// A rendered frame.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct RenderedFrame {
+    /// The display-referred image.
+    pub picture: Picture,
+    /// Power at the target frame rate: idle + this frame's energy × frames per second.
+    pub power: Watts,
 }
 
-impl<'s> StageFrameRenderer<'s> {
-    /// A frame renderer on `stage`.
-    pub(crate) fn new(stage: &'s mut Stage) -> Self {
-        Self { stage }
-    }
+/// Renders and meters frames: the headless stage, or formulas in tests.
+pub(crate) trait FrameRenderer {
+    /// Why no frame was rendered.
+    type Error;
+
+    /// Starts a run called `name` at `pose` with `settings`: resets temporal history and warms up,
+    /// so that the first frame costs no more than the others. The run's first frame follows.
+    ///
+    /// # Errors
+    /// When the run cannot start.
+    fn begin_run(
+        &mut self,
+        name: &str,
+        pose: &CameraPose,
+        settings: KnobLevels,
+    ) -> Result<(), Self::Error>;
+
+    /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
+    ///
+    /// # Errors
+    /// When rendering or metering fails. An unknown power is an error, never 0 W.
+    fn render_frame(
+        &mut self,
+        pose: &CameraPose,
+        settings: KnobLevels,
+    ) -> Result<RenderedFrame, Self::Error>;
 }
 
-impl FrameRenderer for StageFrameRenderer<'_> {
+impl FrameRenderer for Stage {
     type Error = StageError;
 
-    fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), StageError> {
-        self.stage.place(pose.position, pose.rotation);
-        self.stage.apply(settings);
-        (0..4).for_each(|_| self.stage.frame());
+    fn begin_run(
+        &mut self,
+        _: &str,
+        pose: &CameraPose,
+        settings: KnobLevels,
+    ) -> Result<(), StageError> {
+        self.place(pose.position, pose.rotation);
+        self.apply(settings);
+        (0..4).for_each(|_| self.frame());
         Ok(())
     }
 
@@ -31,12 +63,12 @@ impl FrameRenderer for StageFrameRenderer<'_> {
     /// too.
     fn render_frame(
         &mut self,
-        pose: &Pose,
+        pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, StageError> {
-        self.stage.place(pose.position, pose.rotation);
-        self.stage.switch(settings);
-        let power = self.stage.metered_frames(1)?;
-        Ok(RenderedFrame { picture: self.stage.picture()?, power })
+        self.place(pose.position, pose.rotation);
+        self.switch(settings);
+        let power = self.metered_frames(1)?;
+        Ok(RenderedFrame { picture: self.picture()?, power })
     }
 }

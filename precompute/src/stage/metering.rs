@@ -1,8 +1,9 @@
 //! Energy of frames, and their power at the target frame rate.
 //!
 //! p = idle + energy per frame × frames per second. A meter of a whole device measures that directly:
-//! frames are rendered at that rate (`real_time`). Where the device cannot hold the rate, its idle
-//! power is taken out of the energy of a frame; it is measured once, while nothing is rendered.
+//! frames start when an app's would, and the device rests between them as it does in an app. Where it
+//! cannot hold the rate, its idle power is taken out of the energy of a frame; it is measured once,
+//! while nothing is rendered.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -11,9 +12,9 @@ use bevy_frugal_gi::power::{Adapter, MeterError};
 use bevy_frugal_gi::units::{Joules, Watts};
 use glam::{Quat, Vec3};
 
-use super::{Stage, StageError, StageOptions, real_time};
+use super::{Stage, StageError, StageOptions};
 use crate::cost::{FrameLayout, WorkLedger, WorkMeter, is_work_meter};
-use crate::meters::{Meter, Sampled};
+use crate::meters::{Mean, Meter, Sampled};
 use crate::scene::SceneDescription;
 
 /// Steps of the meter's counter in a window, for an error of a few per cent.
@@ -24,6 +25,10 @@ pub(super) const SHORT_WINDOW: f64 = 0.01;
 const REST: Duration = Duration::from_secs(2);
 /// Share of the target frame rate from which frames count as rendered at that rate.
 const HELD_RATE: f64 = 0.97;
+/// Length of a measurement by a meter whose own window is no longer than `MAX_STEP_SECONDS`: from
+/// step to step it is exact.
+const WINDOW: Duration = Duration::from_millis(500);
+const MAX_STEP_SECONDS: f64 = 1.0;
 
 /// Opens the meter that `options` name, or the one that covers `adapter`. The ledger counts frames for
 /// the work meter.
@@ -107,7 +112,7 @@ impl Stage {
     ) -> Result<Watts, StageError> {
         let rate = self.options.frames_per_second;
         let mut shown = 0;
-        let mean = real_time::meter_frames(meter, rate, &mut || {
+        let mean = meter_frames(meter, rate, &mut || {
             self.posed_frame(pose(shown));
             shown += 1;
         })?;
@@ -155,5 +160,44 @@ fn valid_power(power: Watts, meter: &str) -> Result<Watts, StageError> {
         Ok(power)
     } else {
         Err(MeterError::broken(meter, format!("gave {power} for rendered frames")).into())
+    }
+}
+
+/// Renders `frame` after `frame` at `frames_per_second`, and meters them. Where frames take longer
+/// than that, they follow each other at once.
+///
+/// # Errors
+/// When the meter gives no valid readings.
+fn meter_frames(
+    meter: &Sampled,
+    frames_per_second: f64,
+    frame: &mut dyn FnMut(),
+) -> Result<Mean, MeterError> {
+    let own = meter.window_seconds();
+    let window = if own <= MAX_STEP_SECONDS { WINDOW } else { Duration::from_secs_f64(own) };
+    // The stage has checked the rate; this only keeps the arithmetic from panicking.
+    let interval = Duration::try_from_secs_f64(frames_per_second.recip()).unwrap_or(WINDOW);
+    let mut next = Instant::now();
+    meter.mean(window, &mut || {
+        frame();
+        // A late frame is followed at once, but what was missed is not made up for.
+        next = (next + interval).max(Instant::now());
+        std::thread::sleep(next.saturating_duration_since(Instant::now()));
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::meters::testing::Steps;
+
+    #[test]
+    fn frames_keep_their_rate_while_they_are_metered() {
+        let Ok(Meter::Measured(meter)) = Meter::new(Box::new(Steps::new(80.0))) else {
+            panic!("a thread")
+        };
+        let mean = meter_frames(&meter, 50.0, &mut || ()).expect("a power");
+        assert!((mean.power.0 - 80.0).abs() < 8.0, "{mean:?}");
+        assert!((10.0..51.5).contains(&mean.rate), "{mean:?}");
     }
 }

@@ -4,7 +4,6 @@
 //! It has no window: the clock is stepped explicitly, pipelines compile before they are needed, and
 //! a frame ends when the GPU is done.
 
-mod adapter;
 mod app;
 mod capture;
 mod environment;
@@ -15,7 +14,6 @@ mod metering;
 mod options;
 mod prefilter;
 mod ready;
-mod real_time;
 mod remote;
 mod settings;
 mod useful;
@@ -34,18 +32,18 @@ use bevy::transform::components::Transform;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::Picture;
 use glam::{Quat, Vec3};
 
 use crate::cost::WorkLedger;
 use crate::meters::Meter;
-use crate::metrics::Picture;
-use crate::scene::{Bounds, RayScene, SceneDescription};
+use crate::scene::LoadedScene;
 
-pub use crate::metrics::Radiance;
-pub use adapter::{adapter, software_adapter};
+pub use app::{adapter, software_adapter};
 pub use error::StageError;
 pub use evaluator::StageEvaluator;
-pub(crate) use frame_renderer::StageFrameRenderer;
+pub(crate) use frame_renderer::{FrameRenderer, RenderedFrame};
+pub use frugal_trace::metrics::Radiance;
 pub use options::{Component, Output, StageOptions};
 pub(crate) use remote::{RemoteError, RemoteStage, StageRequest, serve};
 pub use useful::every_knob;
@@ -68,8 +66,6 @@ pub struct Stage {
     ledger: Option<WorkLedger>,
     /// `None` until it is needed: a meter of a device takes seconds to measure it.
     idle: Option<Watts>,
-    rays: RayScene,
-    bounds: Option<Bounds>,
     exposure: f32,
     vertical_fov_degrees: f32,
 }
@@ -78,9 +74,9 @@ impl Stage {
     /// Stages `scene`, and waits for the first finished frame.
     ///
     /// # Errors
-    /// When there is no adapter, an option is out of range, the scene's files cannot be read, or
+    /// When there is no adapter, an option is out of range, the environment map cannot be read, or
     /// the renderer does not become ready.
-    pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
+    pub fn open(scene: &LoadedScene, options: StageOptions) -> Result<Self, StageError> {
         Self::open_with(scene, options, |_| ())
     }
 
@@ -90,7 +86,7 @@ impl Stage {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_with(
-        scene: &SceneDescription,
+        scene: &LoadedScene,
         options: StageOptions,
         extend: impl FnOnce(&mut App),
     ) -> Result<Self, StageError> {
@@ -104,11 +100,8 @@ impl Stage {
         }
         let adapter = adapter().ok_or(StageError::NoAdapter)?;
         let (meter, ledger) = metering::open(scene, &options, &adapter)?;
-        let geometry = scene.geometry()?;
-        let rays = RayScene::from_geometry(&geometry);
-        let bounds = geometry.bounds();
         let mut app = app::build(options.frames_per_second, extend);
-        let (camera, target) = world::spawn(&mut app, scene, geometry, &options)?;
+        let (camera, target) = world::spawn(&mut app, scene, &options)?;
 
         let registry = app.world().resource::<KnobRegistry>().clone();
         let all = registry.space()?;
@@ -125,8 +118,6 @@ impl Stage {
             idle: None,
             meter,
             ledger,
-            rays,
-            bounds,
             exposure: 1.0 / (1.2 * scene.exposure_ev100.exp2()),
             vertical_fov_degrees: scene.camera.vertical_fov,
             options,
@@ -151,16 +142,6 @@ impl Stage {
     /// The meter's name and provenance.
     pub fn meter(&self) -> MeterInfo {
         self.meter.info()
-    }
-
-    /// Triangles for ray queries.
-    pub fn rays(&self) -> &RayScene {
-        &self.rays
-    }
-
-    /// Bounding box of the geometry; `None` without geometry.
-    pub fn bounds(&self) -> Option<Bounds> {
-        self.bounds
     }
 
     /// Vertical field of view, degrees.

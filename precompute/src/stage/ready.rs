@@ -11,9 +11,9 @@ use bevy_frugal_gi::gi::{GiCounts, GiOccluders, GiTextureCopies};
 use super::{Stage, StageError};
 
 /// Greatest number of frames to wait for temporal accumulation.
-const MOST_ACCUMULATION_FRAMES: u32 = 70;
+const MAX_ACCUMULATION_FRAMES: u32 = 70;
 /// Frames after which a renderer that is still not ready has failed.
-const MOST_FRAMES: u32 = 600;
+const MAX_FRAMES: u32 = 600;
 
 impl Stage {
     /// Renders frames until all pipelines and resources of the frame are ready.
@@ -22,7 +22,7 @@ impl Stage {
     /// When a shader does not compile, or it takes more than 600 frames.
     pub fn get_ready(&mut self) -> Result<(), StageError> {
         let mut ready_frames = 0;
-        for _ in 0..MOST_FRAMES {
+        for _ in 0..MAX_FRAMES {
             self.frame();
             let cache = self.render_world().resource::<PipelineCache>();
             for pipeline in cache.pipelines() {
@@ -48,7 +48,7 @@ impl Stage {
                 .render_world()
                 .get_resource::<GiCounts>()
                 .is_some_and(|counts| counts.settling > 0 || counts.waiting_maps > 0);
-            if ready_frames >= if accumulating { MOST_ACCUMULATION_FRAMES } else { 4 } {
+            if ready_frames >= if accumulating { MAX_ACCUMULATION_FRAMES } else { 4 } {
                 return Ok(());
             }
         }
@@ -60,7 +60,7 @@ impl Stage {
                 }
             });
         Err(StageError::NotReady(format!(
-            "after {MOST_FRAMES} frames these are still missing: {}",
+            "after {MAX_FRAMES} frames these are still missing: {}",
             waiting.collect::<Vec<_>>().join(", ")
         )))
     }

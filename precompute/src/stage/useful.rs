@@ -1,17 +1,18 @@
 //! Knobs that affect a scene.
 
 use bevy_frugal_gi::knobs::KnobSpace;
+use frugal_trace::light::Light;
 
 use super::StageError;
-use crate::scene::{Environment, Light, SceneDescription};
+use crate::scene::{Environment, LoadedScene};
 
 /// Names of the built-in knobs that can affect images of `scene`. All levels of the others look and
 /// cost the same, and would only lengthen the search.
 ///
 /// # Errors
-/// When the scene's geometry cannot be read.
-pub(crate) fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError> {
-    let geometry = scene.geometry()?;
+/// Never, as long as the built-in knobs are valid.
+pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageError> {
+    let geometry = &scene.geometry;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
     let has_texture =

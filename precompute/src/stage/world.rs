@@ -23,12 +23,12 @@ use bevy::render::render_resource::{
 };
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiOutput, GiShading};
+use frugal_trace::light::Light;
+use frugal_trace::scene::{SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
 use glam::Vec3;
 
 use super::{Component, Output, StageError, StageOptions, environment};
-use crate::scene::{
-    Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture,
-};
+use crate::scene::{Environment, LoadedScene};
 
 /// Sets up `scene` for `camera`: spawns its geometry and lights, sets the app's environment light,
 /// and gives the camera the scene's lens, exposure and background. The camera's other components,
@@ -37,23 +37,9 @@ use crate::scene::{
 /// `camera` must be a `Camera3d`, and the world that of an app with Bevy's 3D renderer.
 ///
 /// # Errors
-/// When a file that the scene names cannot be read. Part of the scene may have been spawned by
-/// then.
-pub fn populate(
-    world: &mut World,
-    scene: &SceneDescription,
-    camera: Entity,
-) -> Result<(), StageError> {
-    populate_with(world, scene, scene.geometry()?, camera)
-}
-
-/// [`populate`] with geometry that is already loaded.
-pub(super) fn populate_with(
-    world: &mut World,
-    scene: &SceneDescription,
-    geometry: SceneGeometry,
-    camera: Entity,
-) -> Result<(), StageError> {
+/// When the environment map cannot be read. The rest of the scene has been spawned by then.
+pub fn populate(world: &mut World, scene: &LoadedScene, camera: Entity) -> Result<(), StageError> {
+    let geometry = &scene.geometry;
     let reach =
         geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
     let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
@@ -89,14 +75,13 @@ pub(super) fn populate_with(
 /// Returns the camera and its render target.
 pub(super) fn spawn(
     app: &mut App,
-    scene: &SceneDescription,
-    geometry: SceneGeometry,
+    scene: &LoadedScene,
     options: &StageOptions,
 ) -> Result<(Entity, Handle<Image>), StageError> {
     let world = app.world_mut();
     let target = world.resource_mut::<Assets<Image>>().add(target_image(options));
     let camera = spawn_camera(world, options, target.clone());
-    populate_with(world, scene, geometry, camera)?;
+    populate(world, scene, camera)?;
     Ok((camera, target))
 }
 
@@ -174,7 +159,7 @@ pub(super) fn overridden_knobs(options: &StageOptions) -> &'static [&'static str
     }
 }
 
-fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
+fn spawn_geometry(world: &mut World, geometry: &SceneGeometry, exposure: f32) {
     let textures: Vec<Handle<Image>> = geometry
         .textures
         .iter()
@@ -189,7 +174,7 @@ fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
                 .add(standard_material(material, &textures, exposure))
         })
         .collect();
-    for mesh in geometry.meshes {
+    for mesh in &geometry.meshes {
         let Some(material) = materials.get(mesh.material).cloned() else { continue };
         let textured = geometry.materials[mesh.material].base_color_texture.is_some();
         let handle = world.resource_mut::<Assets<Mesh>>().add(bevy_mesh(mesh, textured));
@@ -199,7 +184,7 @@ fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
 
 /// Leaves out texture coordinates of untextured materials: with them, the shader branches on a
 /// uniform for every possible texture, and software Vulkan drivers recompile it in every frame.
-fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
+fn bevy_mesh(mesh: &SceneMesh, textured: bool) -> Mesh {
     let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
@@ -207,8 +192,8 @@ fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
     let bare = Mesh::new(PrimitiveTopology::TriangleList, usage)
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, mesh.colors)
-        .with_inserted_indices(Indices::U32(mesh.indices));
+        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, mesh.colors.clone())
+        .with_inserted_indices(Indices::U32(mesh.indices.clone()));
     if textured { bare.with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs) } else { bare }
 }
 
@@ -231,8 +216,8 @@ fn standard_material(
         emissive: LinearRgba::rgb(emissive[0], emissive[1], emissive[2]),
         emissive_exposure_weight: 0.0,
         alpha_mode: match material.alpha {
-            crate::scene::AlphaMode::Opaque => AlphaMode::Opaque,
-            crate::scene::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff),
+            frugal_trace::scene::AlphaMode::Opaque => AlphaMode::Opaque,
+            frugal_trace::scene::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff),
         },
         double_sided: material.double_sided,
         cull_mode: (!material.double_sided).then_some(Face::Back),

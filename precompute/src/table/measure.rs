@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use crate::scene::CameraPose;
+use frugal_trace::scene::CameraPose;
 
 /// Measures the cost of settings at a camera: by a renderer, or by a formula in tests.
 pub(crate) trait Measure {

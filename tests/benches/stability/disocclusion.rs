@@ -2,12 +2,12 @@
 
 use bevy::math::UVec2;
 use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
-use frugal::reference::Seen;
-use frugal::scene::CameraPose;
 use frugal_tests::arguments::Arguments;
 use frugal_tests::reference::mean_absolute_difference;
 use frugal_tests::table::markdown;
 use frugal_tests::{reference, set};
+use frugal_trace::integrator::FirstHit;
+use frugal_trace::scene::CameraPose;
 
 use crate::moving::{FRAMES_BEFORE, Motion, REST_FRAMES, means, methods, move_to, open, traced};
 
@@ -75,15 +75,15 @@ pub(crate) fn disocclude(options: &Arguments) {
 /// pixel that `before` shows on the same surface. `before`: what that pose shows, with a vertical field
 /// of view of `degrees`.
 fn reprojected(
-    before: &[Option<Seen>],
-    now: &[Option<Seen>],
+    before: &[Option<FirstHit>],
+    now: &[Option<FirstHit>],
     (from, degrees): (CameraPose, f32),
     size: UVec2,
 ) -> Vec<bool> {
     let view = from.rotation.inverse();
     let scale = 1.0 / (0.5 * degrees.to_radians()).tan();
     let aspect = size.x as f32 / size.y as f32;
-    let shows = |seen: &Option<Seen>| {
+    let shows = |seen: &Option<FirstHit>| {
         let Some(seen) = seen else { return true };
         let at = view * (seen.position.as_vec3() - from.position);
         let (x, y) = (at.x * scale / aspect / -at.z, at.y * scale / -at.z);

@@ -4,15 +4,17 @@ use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
 use bevy::math::Quat;
 use bevy::transform::components::Transform;
-use frugal::metrics::Radiance;
-use frugal::reference::Pixels;
-use frugal::scene::{CameraPose, Light, SceneDescription};
+use frugal::scene::SceneDescription;
 use frugal::stage::{Component, Stage};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::method::Method;
 use frugal_tests::naive_rsm::{NaiveRsm, Weights};
 use frugal_tests::reference::{self, Tracing, mean_absolute_difference};
 use frugal_tests::set;
+use frugal_trace::integrator::Pixels;
+use frugal_trace::light::Light;
+use frugal_trace::metrics::Radiance;
+use frugal_trace::scene::CameraPose;
 
 /// Rotation of the sun around the vertical, degrees per frame: 3 degrees per second at 30 frames
 /// per second.

@@ -2,13 +2,13 @@
 
 use bevy::math::Vec3;
 use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
-use frugal::metrics::{Difference, Radiance};
-use frugal::reference::Seen;
 use frugal::stage::Stage;
 use frugal_tests::arguments::Arguments;
 use frugal_tests::method::Method;
 use frugal_tests::table::markdown;
 use frugal_tests::{reference, set};
+use frugal_trace::integrator::FirstHit;
+use frugal_trace::metrics::{Difference, Radiance};
 
 use crate::moving::{
     FRAMES_BEFORE, Motion, REST_FRAMES, differences, means, methods, move_to, open, temporal_error,
@@ -135,8 +135,12 @@ pub(crate) fn measure(motion: Motion, moving: &str, options: &Arguments) {
 
 /// For each pixel, whether it shows the same surface in two frames: each point lies near the other
 /// and near its tangent plane.
-fn show_same_surface(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
-    let stays = |(before, after): (&Option<Seen>, &Option<Seen>)| {
+fn show_same_surface(
+    before: &[Option<FirstHit>],
+    after: &[Option<FirstHit>],
+    eye: Vec3,
+) -> Vec<bool> {
+    let stays = |(before, after): (&Option<FirstHit>, &Option<FirstHit>)| {
         let (Some(before), Some(after)) = (before, after) else {
             return before.is_none() == after.is_none();
         };

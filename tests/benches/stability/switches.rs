@@ -13,7 +13,6 @@ use bevy_frugal_gi::control::{ControlSettings, SettingsFilter, TransitionTimes};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::KnobLevels;
-use frugal::metrics::Radiance;
 use frugal::scene::SceneDescription;
 use frugal::stage::{Component, Stage, StageOptions};
 use frugal_tests::arguments::Arguments;
@@ -23,6 +22,7 @@ use frugal_tests::naive_rsm::NaiveRsm;
 use frugal_tests::reference::{self, mean_absolute_difference};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
+use frugal_trace::metrics::Radiance;
 
 use crate::moving::{FRAMES_BEFORE, Motion, differences, means, methods, move_to, sun, traced};
 

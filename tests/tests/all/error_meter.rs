@@ -11,9 +11,9 @@ use bevy_frugal_gi::control::{Budget, ErrorFeedback, FrontierMapHandle};
 use bevy_frugal_gi::error_meter::{ErrorMeter, ErrorProbe, MeasuredError};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::units::Watts;
-use frugal::metrics::ssim;
 use frugal::stage::Stage;
 use frugal_tests::{map, set};
+use frugal_trace::metrics::ssim;
 
 tests!(
     whole_images_have_the_error_that_the_tool_measures,

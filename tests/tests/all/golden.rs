@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use bevy::math::Vec3;
-use frugal::metrics::Picture;
 use frugal_tests::{golden, set};
+use frugal_trace::metrics::Picture;
 
 tests!(images_match_their_references, a_different_image_is_detected, every_reference_has_a_view);
 

@@ -15,10 +15,10 @@ use bevy::render::camera::MipBias;
 use bevy_frugal_gi::gi::{FrugalGi, RsmView};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobLevels};
 use bevy_frugal_gi::resolution::ResolutionScale;
-use frugal::metrics::{Picture, Reference};
 use frugal::scene::Environment;
 use frugal::stage::Stage;
 use frugal_tests::set;
+use frugal_trace::metrics::{Picture, Reference};
 
 tests!(
     every_level_is_applied_changes_the_image_and_leaves_no_trace,

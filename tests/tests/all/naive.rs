@@ -2,10 +2,10 @@
 
 use bevy::math::{UVec2, Vec2, Vec3};
 use bevy_frugal_gi::gi::{GiCounts, GiOutput, GiRefresh, inspect};
-use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage};
 use frugal_tests::naive_rsm::{self, NaiveRsm, Weights};
 use frugal_tests::{gpu, meshes, set};
+use frugal_trace::scene::CameraPose;
 
 use crate::furnace;
 use crate::gi::{corner, sun};
@@ -26,7 +26,7 @@ fn show(stage: &mut Stage, naive: NaiveRsm) {
 
 /// `inspect` reports the projections with which maps were rendered.
 fn maps_project_their_own_texels() {
-    let point = frugal::scene::Light::Point {
+    let point = frugal_trace::light::Light::Point {
         position: Vec3::new(0.3, 1.5, 0.4),
         luminous_power: 1e4,
         range: 30.0,
@@ -151,13 +151,13 @@ fn on_two_plates_it_is_the_form_factor() {
 
 /// Light adds up over lights, with flat maps and cube maps.
 fn the_light_of_several_lights_adds_up() {
-    let point = frugal::scene::Light::Point {
+    let point = frugal_trace::light::Light::Point {
         position: Vec3::new(0.3, 1.5, 0.4),
         luminous_power: 1e6,
         range: 30.0,
         color: [1.0; 3],
     };
-    let mean = |lights: Vec<frugal::scene::Light>| {
+    let mean = |lights: Vec<frugal_trace::light::Light>| {
         let mut stage = corner(lights);
         set::apply(&mut stage, MAPS);
         show(&mut stage, NaiveRsm { radius: 0.5, ..Default::default() });

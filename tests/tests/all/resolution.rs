@@ -10,9 +10,9 @@ use bevy::prelude::{Mesh3d, MeshMaterial3d};
 use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::resolution::ResolutionScale;
-use frugal::metrics::Picture;
 use frugal::stage::Stage;
 use frugal_tests::set;
+use frugal_trace::metrics::Picture;
 
 tests!(
     a_scaled_overlay_leaves_the_image_under_it,

@@ -3,10 +3,10 @@
 
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use frugal::scene::Light;
 use frugal::stage::{Component, Stage};
 use frugal_tests::gpu::{self, Point};
 use frugal_tests::{meshes, set};
+use frugal_trace::light::Light;
 
 use super::gi::corner;
 

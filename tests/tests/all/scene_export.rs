@@ -13,10 +13,12 @@ use bevy::prelude::{AlphaMode, Cuboid, Plane3d};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi_tools::scene_export::{ExportScene, SceneExportPlugin};
-use frugal::metrics::ssim;
-use frugal::scene::{self, AlphaMode as SceneAlpha, Light};
+use frugal::scene;
 use frugal::stage::Stage;
 use frugal_tests::set;
+use frugal_trace::light::Light;
+use frugal_trace::metrics::ssim;
+use frugal_trace::scene::AlphaMode as SceneAlpha;
 
 tests!(what_an_app_spawned_is_read_back, an_exported_scene_looks_the_same);
 
@@ -90,7 +92,7 @@ fn what_an_app_spawned_is_read_back() {
     export(&mut stage);
 
     let read = scene::load(folder.path().join("my.scene.ron")).unwrap_or_else(|e| panic!("{e}"));
-    let geometry = read.geometry().unwrap_or_else(|error| panic!("{error}"));
+    let geometry = &read.geometry;
     let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum();
     assert_eq!(triangles, 12 + 12 + 2, "two cubes and a floor; neither glass nor the hidden one");
     let emissive =

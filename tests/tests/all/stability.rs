@@ -5,10 +5,10 @@ use bevy::light::{DirectionalLight, PointLight};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
-use frugal::metrics::Radiance;
-use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage, StageEvaluator, StageOptions};
 use frugal_tests::set;
+use frugal_trace::metrics::Radiance;
+use frugal_trace::scene::CameraPose;
 
 tests!(
     a_still_scene_is_still_for_120_frames,

@@ -1,9 +1,10 @@
 //! Cameras that fill a part of their target: split screen, and a viewport beside an interface.
 
 use bevy::math::{UVec2, Vec3};
-use frugal::scene::Light;
-use frugal::stage::{Component, Radiance, Stage};
+use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
+use frugal_trace::light::Light;
+use frugal_trace::metrics::Radiance;
 
 use super::gi::PLAIN;
 

@@ -18,9 +18,10 @@ use bevy::prelude::{Cuboid, Plane3d};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::KnobSettings;
-use frugal::scene::Light;
-use frugal::stage::{Component, Radiance, Stage};
+use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
+use frugal_trace::light::Light;
+use frugal_trace::metrics::Radiance;
 
 tests!(
     a_shifted_world_keeps_its_light,

@@ -20,7 +20,7 @@ use crate::pipeline::{
     self, CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
 use crate::report::SearchSummary;
-use crate::scene::{self, SceneDescription};
+use crate::scene::{LoadedScene, SceneDescription};
 use crate::stage::{self, RemoteError, RemoteStage};
 use crate::view_features::ViewDescriber;
 
@@ -43,7 +43,7 @@ impl Searched {
 
 /// What is searched, and which journal keeps it.
 pub(super) struct SearchPlan<'a> {
-    pub scene: &'a SceneDescription,
+    pub scene: &'a LoadedScene,
     /// The scene's name.
     pub name: &'a str,
     pub tracks: &'a [Vec<TrackSample>],
@@ -119,8 +119,8 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
     let SearchPlan { scene, tracks, arguments, of, .. } = *plan;
     let config = arguments.config();
     let space = stage.space().clone();
-    let bounds = scene.camera_bounds(stage.bounds());
-    let cameras = sample_cameras(stage, &bounds, tracks, arguments);
+    let bounds = scene.camera_bounds();
+    let cameras = sample_cameras(stage, scene, tracks, arguments);
     let (capture, identity) = (plan.capture(), plan.identity()?);
     let header = rendered_by(plan.header()?, &space, &stage.meter())?
         .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
@@ -178,14 +178,22 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
 /// Training cameras, and a sixth as many for calibration, up to [`MAX_CALIBRATION`].
 fn sample_cameras(
     stage: &RemoteStage,
-    bounds: &scene::Bounds,
+    scene: &LoadedScene,
     tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
 ) -> CameraSet {
     let calibration = arguments.training.div_ceil(6).min(MAX_CALIBRATION);
     let counts = [arguments.training, calibration, Extent::WHOLE.views];
     let (mix, lens) = (CameraMix::default(), stage.lens());
-    CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
+    CameraSet::sample(
+        &scene.rays,
+        &scene.camera_bounds(),
+        tracks,
+        counts,
+        &mix,
+        lens,
+        arguments.seed,
+    )
 }
 
 fn cli_error(

@@ -9,12 +9,13 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::scene::CameraPose;
 
 use super::process::{Opened, RemoteError, StageProcess};
 use super::protocol::StageRequest;
 use crate::device::on_this_machine;
-use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
-use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
+use crate::scene::SceneDescription;
+use crate::stage::{FrameRenderer, RenderedFrame};
 use crate::table::{Batch, Measure, Measured};
 
 /// A stage in a child process, with more of them for what can be rendered side by side.
@@ -24,8 +25,6 @@ pub(crate) struct RemoteStage {
     space: KnobSpace,
     meter: MeterInfo,
     idle: Watts,
-    rays: RayScene,
-    bounds: Option<Bounds>,
     vertical_fov_degrees: f32,
 }
 
@@ -35,16 +34,12 @@ impl RemoteStage {
     /// all.
     ///
     /// # Errors
-    /// When the scene's geometry cannot be read, the child cannot be started, or its stage cannot
-    /// be opened.
+    /// When the child cannot be started, or its stage cannot be opened.
     pub(crate) fn open(
         scene: &SceneDescription,
         request: StageRequest,
         workers: NonZeroUsize,
     ) -> Result<Self, RemoteError> {
-        let geometry = scene
-            .geometry()
-            .map_err(|error| RemoteError { usage: true, message: error.to_string() })?;
         let count = workers.get();
         let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let threads = (count > 1).then_some((cores / count).max(1));
@@ -56,8 +51,6 @@ impl RemoteStage {
             space,
             meter: on_this_machine(meter, crate::stage::adapter()),
             idle,
-            rays: RayScene::from_geometry(&geometry),
-            bounds: geometry.bounds(),
             vertical_fov_degrees: scene.camera.vertical_fov,
         })
     }
@@ -77,19 +70,9 @@ impl RemoteStage {
         self.idle
     }
 
-    /// Bounding box of the geometry; `None` without geometry.
-    pub(crate) fn bounds(&self) -> Option<Bounds> {
-        self.bounds
-    }
-
     /// Width and height, pixels.
     pub(crate) fn size(&self) -> [u32; 2] {
         self.processes[0].request().size
-    }
-
-    /// Triangles for ray queries.
-    pub(crate) fn rays(&self) -> &RayScene {
-        &self.rays
     }
 
     /// Vertical field of view in radians, and width ÷ height.
@@ -203,7 +186,7 @@ impl FrameRenderer for RemoteStage {
     fn begin_run(
         &mut self,
         name: &str,
-        pose: &Pose,
+        pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<(), RemoteError> {
         self.processes[0].begin_run(name, pose, settings)
@@ -211,7 +194,7 @@ impl FrameRenderer for RemoteStage {
 
     fn render_frame(
         &mut self,
-        pose: &Pose,
+        pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, RemoteError> {
         self.processes[0].render_frame(pose, settings)

@@ -7,11 +7,11 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
+use frugal_trace::metrics::Picture;
+use frugal_trace::scene::CameraPose;
 
 use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
-use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
-use crate::metrics::Picture;
-use crate::scene::CameraPose;
+use crate::stage::{FrameRenderer, RenderedFrame};
 
 /// Resident size above which a child is replaced, bytes. Well above a scene's own textures, well
 /// below the memory of a small machine.
@@ -224,14 +224,19 @@ impl StageProcess {
 impl FrameRenderer for StageProcess {
     type Error = RemoteError;
 
-    fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), RemoteError> {
+    fn begin_run(
+        &mut self,
+        _: &str,
+        pose: &CameraPose,
+        settings: KnobLevels,
+    ) -> Result<(), RemoteError> {
         self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
             .map(drop)
     }
 
     fn render_frame(
         &mut self,
-        pose: &Pose,
+        pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, RemoteError> {
         match self.ask(&Request::Play {

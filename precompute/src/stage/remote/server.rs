@@ -2,11 +2,12 @@
 
 use std::io::{self, Write};
 
+use frugal_trace::metrics::Picture;
+use frugal_trace::scene::CameraPose;
+
 use super::protocol::{Answer, Reply, Request, receive, send};
-use crate::evaluate::{FrameRenderer, Pose};
-use crate::metrics::Picture;
 use crate::scene;
-use crate::stage::{Stage, StageError, StageEvaluator, StageFrameRenderer, StageOptions};
+use crate::stage::{FrameRenderer, Stage, StageError, StageEvaluator, StageOptions};
 
 /// Answers the parent's requests until it closes the pipe.
 ///
@@ -63,20 +64,18 @@ fn answer(
         Request::Open(_) => unreachable!("handled above"),
         Request::Warm => stage.stage().warm()?,
         Request::Measure { clip, settings } => {
-            let clip: Vec<Pose> =
-                clip.into_iter().map(|(position, rotation)| Pose { position, rotation }).collect();
+            let clip: Vec<CameraPose> = clip
+                .into_iter()
+                .map(|(position, rotation)| CameraPose { position, rotation })
+                .collect();
             return Ok((Answer::Cost(stage.measure(&clip, settings)?), None));
         }
         Request::Begin { position, rotation, settings } => {
-            StageFrameRenderer::new(stage.stage()).begin_run(
-                "",
-                &Pose { position, rotation },
-                settings,
-            )?;
+            stage.stage().begin_run("", &CameraPose { position, rotation }, settings)?;
         }
         Request::Play { position, rotation, settings } => {
-            let rendered = StageFrameRenderer::new(stage.stage())
-                .render_frame(&Pose { position, rotation }, settings)?;
+            let rendered =
+                stage.stage().render_frame(&CameraPose { position, rotation }, settings)?;
             let Picture { width, height, .. } = rendered.picture;
             return Ok((
                 Answer::Frame { power: rendered.power, width, height },

@@ -10,13 +10,13 @@ use bevy::render::render_resource::TextureFormat;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::gi::inspect::{self, GiPatches};
-use frugal::metrics::Difference;
-use frugal::reference::Pixels;
-use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage};
 use frugal_tests::gather::irradiance;
 use frugal_tests::reference::{self, Tracing};
 use frugal_tests::{gpu, meshes, set};
+use frugal_trace::integrator::Pixels;
+use frugal_trace::metrics::Difference;
+use frugal_trace::scene::CameraPose;
 
 use super::super::furnace::{ALBEDO, deviation, direct_radiance};
 use super::super::gi::{corner, sun};

@@ -9,9 +9,9 @@ use bevy::pbr::StandardMaterial;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::inspect::GiPatches;
 use bevy_frugal_gi::knobs::KnobRegistry;
-use frugal::scene::Light;
 use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
+use frugal_trace::light::Light;
 
 use super::super::gi::{assert_costs_nothing, corner, sun};
 use super::{RAYS, patches, with_bounces};

@@ -4,12 +4,12 @@ use bevy::camera::Projection;
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiInterleave;
-use frugal::scene::Light;
 use frugal::stage::Component;
 use frugal_tests::gather::{Gather, irradiance};
 use frugal_tests::gpu::{self, Point};
 use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use frugal_tests::{meshes, set};
+use frugal_trace::light::Light;
 
 use super::stage;
 

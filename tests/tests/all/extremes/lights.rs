@@ -106,7 +106,7 @@ fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
     }
     // The sun is the brightest light.
     let sun = sun(Vec3::NEG_Y);
-    let frugal::scene::Light::Directional { illuminance, .. } = sun else { panic!("a sun") };
+    let frugal_trace::light::Light::Directional { illuminance, .. } = sun else { panic!("a sun") };
     let down = Transform::default().looking_to(Vec3::NEG_Y, Vec3::X);
     let sun = stage
         .world_mut()

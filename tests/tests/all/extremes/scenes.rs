@@ -6,10 +6,10 @@ use bevy::light::PointLight;
 use bevy::math::Vec3;
 use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
 use bevy::transform::components::Transform;
-use frugal::metrics::Radiance;
-use frugal::scene::Light;
 use frugal::stage::{Component, Stage};
 use frugal_tests::{gpu, meshes, set};
+use frugal_trace::light::Light;
+use frugal_trace::metrics::Radiance;
 
 use crate::gi::{PLAIN, corner, sun};
 

@@ -1,0 +1,110 @@
+//! A scene in memory.
+
+use std::ops::Deref;
+use std::path::Path;
+use std::sync::Arc;
+
+use frugal_trace::integrator::{ReferenceScene, View};
+use frugal_trace::light::Sky;
+use frugal_trace::scene::{
+    Bounds, CameraPose, GeometryError, RayScene, SceneGeometry, SkyError, SkyMap,
+};
+use glam::{UVec2, Vec3};
+
+use super::description::{Environment, SceneDescription};
+use super::load::{SceneError, load_with_geometry};
+
+/// Default margin of the camera bounds, as a share of the geometry's extent at each side: walls are
+/// seldom thinner.
+const DEFAULT_BOUNDS_MARGIN: f32 = 0.1;
+
+/// Why a scene cannot be path-traced.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The environment map.
+    #[error(transparent)]
+    Sky(#[from] SkyError),
+    /// The geometry.
+    #[error("the geometry cannot be used: {0}")]
+    Geometry(#[from] GeometryError),
+}
+
+/// A scene with its geometry, read once and shared by all who need it. Dereferences to its
+/// description.
+#[derive(Clone, Debug)]
+pub struct LoadedScene {
+    /// The description.
+    pub description: SceneDescription,
+    /// Its geometry, merged to as few materials as possible.
+    pub geometry: Arc<SceneGeometry>,
+    /// The geometry's triangles, for ray queries.
+    pub rays: Arc<RayScene>,
+}
+
+impl Deref for LoadedScene {
+    type Target = SceneDescription;
+
+    fn deref(&self) -> &SceneDescription {
+        &self.description
+    }
+}
+
+/// Reads the scene description at `path` and checks it, with the files that it names.
+///
+/// # Errors
+/// [`SceneError`], which names file, line, column, field, problem and remedy.
+pub fn load(path: impl AsRef<Path>) -> Result<LoadedScene, SceneError> {
+    let (description, geometry) = load_with_geometry(path.as_ref())?;
+    Ok(LoadedScene::with_geometry(description, geometry))
+}
+
+impl LoadedScene {
+    /// Reads the geometry of a description.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
+    pub fn new(description: SceneDescription) -> Result<Self, SceneError> {
+        let geometry = description.geometry()?;
+        Ok(Self::with_geometry(description, geometry))
+    }
+
+    /// A description with `geometry` in place of its own.
+    pub fn with_geometry(description: SceneDescription, geometry: SceneGeometry) -> Self {
+        let rays = RayScene::from_geometry(&geometry).into();
+        Self { description, geometry: geometry.into(), rays }
+    }
+
+    /// The camera space: the description's bounds, else the geometry's bounding box minus a tenth
+    /// of its extent at each side. Without geometry a cubic metre around the origin.
+    pub fn camera_bounds(&self) -> Bounds {
+        let fallback = Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
+        self.description.bounds.unwrap_or_else(|| {
+            self.geometry.bounds().map_or(fallback, |bounds| bounds.shrunk(DEFAULT_BOUNDS_MARGIN))
+        })
+    }
+
+    /// The scene for the path tracer. Reads the environment map.
+    ///
+    /// # Errors
+    /// When the environment map cannot be read, or the geometry is broken.
+    pub fn reference(&self) -> Result<ReferenceScene, ReferenceError> {
+        let sky = match &self.environment {
+            Environment::None => Sky::Black,
+            Environment::Constant(radiance) => Sky::constant(*radiance),
+            Environment::Map(file, intensity) => {
+                Sky::map(SkyMap::read(&self.resolve(file))?, *intensity)
+            }
+        };
+        let (geometry, rays) = (Arc::clone(&self.geometry), Arc::clone(&self.rays));
+        Ok(ReferenceScene::new(geometry, rays, &self.lights, sky)?)
+    }
+}
+
+impl SceneDescription {
+    /// A view of `size` pixels with the scene's lens, for the path tracer.
+    pub fn view(&self, pose: CameraPose, size: UVec2) -> View {
+        let (vertical_fov_degrees, near) = (self.camera.vertical_fov, self.camera.near);
+        View { pose, vertical_fov_degrees, near, size }
+    }
+}

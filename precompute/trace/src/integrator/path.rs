@@ -1,0 +1,180 @@
+//! Radiance along one path from the camera.
+
+use glam::{DVec3, Vec3};
+
+use super::scene::ReferenceScene;
+use super::settings::{Settings, Strategy};
+use crate::bsdf::{Bsdf, Surface, is_cut_out};
+use crate::color::color;
+use crate::sampler::Sampler;
+
+/// Hits before Russian roulette begins, for paths of unlimited length.
+const CERTAIN_SURFACES: u32 = 4;
+/// Greatest survival probability: even where nothing is absorbed, a path ends.
+const GREATEST_SURVIVAL: f64 = 0.95;
+
+/// One estimate of the radiance along a camera ray, nits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Estimate {
+    /// Paths with at most one surface between light and eye: light → surface → eye, and directly
+    /// visible emission of surfaces and sky.
+    pub(super) direct: DVec3,
+    /// The share of `direct` that emissive surfaces and the sky send by way of one surface: without
+    /// punctual lights.
+    pub(super) extended: DVec3,
+    /// All longer paths.
+    pub(super) indirect: DVec3,
+}
+
+impl Estimate {
+    /// Whether all values are finite in single precision.
+    pub(super) fn fits_f32(&self) -> bool {
+        // This form also rejects NaN.
+        let fits =
+            |light: DVec3| light.to_array().iter().all(|value| value.abs() <= f64::from(f32::MAX));
+        fits(self.direct) && fits(self.indirect)
+    }
+
+    /// Adds light that `surfaces` surfaces scattered.
+    fn add(&mut self, surfaces: u32, light: DVec3) {
+        if surfaces <= 1 { self.direct += light } else { self.indirect += light }
+    }
+
+    /// The same for light of emissive surfaces and of the sky.
+    fn add_extended(&mut self, surfaces: u32, light: DVec3) {
+        self.add(surfaces, light);
+        if surfaces == 1 {
+            self.extended += light;
+        }
+    }
+}
+
+/// Traces a path from `origin`, metres, in `direction`, a unit vector.
+pub(super) fn trace(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    mut origin: Vec3,
+    mut direction: DVec3,
+    sampler: &mut Sampler,
+) -> Estimate {
+    let mut estimate = Estimate::default();
+    let mut throughput = DVec3::ONE;
+    // Sampling density of `direction`; none for the camera ray.
+    let mut density = None;
+    for surfaces in 0.. {
+        let Some(hit) = scene.closest(origin, direction) else {
+            let weight = density.map_or(1.0, |own| {
+                settings.strategy.weight(false, own, scene.sky.density(direction))
+            });
+            estimate.add_extended(surfaces, throughput * scene.sky.radiance(direction) * weight);
+            break;
+        };
+        let surface = Surface::new(&scene.geometry, &hit);
+        let emitted = color(surface.material.emissive);
+        if emitted != DVec3::ZERO {
+            let weight = density.map_or(1.0, |own| {
+                let per_steradian = per_steradian(
+                    scene.emitters.density(emitted),
+                    surface.position - origin.as_dvec3(),
+                    surface.geometric_normal,
+                );
+                settings.strategy.weight(false, own, per_steradian)
+            });
+            estimate.add_extended(surfaces, throughput * emitted * weight);
+        }
+        if settings.bounces.is_some_and(|bounces| surfaces > bounces) {
+            break;
+        }
+        let bsdf = Bsdf::new(&surface, -direction, settings.shading);
+        origin = surface.ray_origin();
+        estimate.add(surfaces + 1, throughput * punctual(scene, &bsdf, &surface, origin));
+        estimate.add_extended(
+            surfaces + 1,
+            throughput * extended(scene, settings, &bsdf, origin, sampler),
+        );
+        // Beyond the last surface a path can only hit a light.
+        if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
+            break;
+        }
+        let Some(scattering) = bsdf.sample(sampler) else { break };
+        throughput *= scattering.weight;
+        (direction, density) = (scattering.direction, Some(scattering.density));
+        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length are
+        // short and need no Russian roulette.
+        if settings.bounces.is_none() && surfaces + 1 >= CERTAIN_SURFACES {
+            let survival = throughput.max_element().min(GREATEST_SURVIVAL);
+            if sampler.number() >= survival {
+                break;
+            }
+            throughput /= survival;
+        }
+    }
+    estimate
+}
+
+/// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
+/// no ray.
+fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
+    let mut sum = DVec3::ZERO;
+    for light in &scene.lights {
+        let Some(incident) = light.incident(surface.position) else { continue };
+        let reflected = bsdf.evaluate(incident.direction).0 * incident.illuminance;
+        if reflected.max_element() > 0.0 && scene.is_lit(origin, &incident) {
+            sum += reflected;
+        }
+    }
+    sum
+}
+
+/// Reflected light of one sampled point of an emissive triangle and of one sampled direction of the
+/// sky map.
+fn extended(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    bsdf: &Bsdf,
+    origin: Vec3,
+    sampler: &mut Sampler,
+) -> DVec3 {
+    let mut sum = DVec3::ZERO;
+    if settings.strategy == Strategy::Scattering {
+        return sum;
+    }
+    let mut add = |direction: DVec3, distance: f64, radiance: DVec3, density: f64| {
+        let (reflected, other) = bsdf.evaluate(direction);
+        let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
+        if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
+            sum += light;
+        }
+    };
+    if !scene.emitters.is_empty() {
+        let (choice, pair) = (sampler.number(), sampler.pair());
+        if let Some(point) = scene.emitters.sample(&scene.geometry, choice, pair) {
+            let ray = point.position - origin.as_dvec3();
+            let emitter = Surface::new(&scene.geometry, &point.hit);
+            let density = per_steradian(point.density, ray, emitter.geometric_normal);
+            let shines = ray.dot(emitter.geometric_normal) < 0.0 || emitter.material.double_sided;
+            if shines
+                && density.is_finite()
+                && density > 0.0
+                && !is_cut_out(&scene.geometry, &point.hit)
+            {
+                add(ray.normalize(), ray.length(), color(emitter.material.emissive), density);
+            }
+        }
+    }
+    if scene.sky.is_lit() {
+        let (choice, pair) = (sampler.number(), sampler.pair());
+        if let Some(sample) = scene.sky.sample(choice, pair).filter(|sample| sample.density > 0.0) {
+            add(sample.direction, f64::INFINITY, sample.radiance, sample.density);
+        }
+    }
+    sum
+}
+
+/// Converts a density per m² on a surface with `normal` into a density per steradian at the start
+/// of `ray` (metres), which ends on that surface.
+fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
+    let distance_squared = ray.length_squared();
+    per_square_metre * distance_squared * distance_squared.sqrt()
+        / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
+}

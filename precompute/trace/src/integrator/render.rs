@@ -1,0 +1,173 @@
+//! A camera's image.
+
+use glam::{DVec3, UVec2, Vec3};
+use rayon::prelude::*;
+
+use super::path::trace;
+use super::scene::ReferenceScene;
+use super::settings::{Pixels, Settings};
+use crate::bsdf::Surface;
+use crate::metrics::Radiance;
+use crate::sampler::Sampler;
+use crate::scene::CameraPose;
+
+/// A camera's pose, lens and resolution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Position and rotation.
+    pub pose: CameraPose,
+    /// Vertical field of view, degrees, in (0, 180).
+    pub vertical_fov_degrees: f32,
+    /// Distance of the near plane, metres; nearer geometry is clipped, as in the renderer. There is
+    /// no far plane, as in Bevy.
+    pub near: f32,
+    /// Width and height, pixels.
+    pub size: UVec2,
+}
+
+/// Callbacks for progress and interruption; both are called from many threads.
+#[derive(Clone, Copy)]
+pub struct Watch<'a> {
+    /// Called after each row.
+    pub row_done: &'a (dyn Fn() + Sync),
+    /// Called before each pixel; `true` interrupts.
+    pub interrupted: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Default for Watch<'_> {
+    /// Ignores progress and never interrupts.
+    fn default() -> Self {
+        Self { row_done: &|| (), interrupted: &|| false }
+    }
+}
+
+/// A path-traced image. Its components are estimated separately, so that none has the noise of a
+/// difference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// Light that at most one surface scattered, including visible emissive surfaces and
+    /// environment.
+    pub direct: Radiance,
+    /// The share of `direct` that emissive surfaces and the environment send by way of one surface.
+    pub extended: Radiance,
+    /// Light that two or more surfaces scattered.
+    pub indirect: Radiance,
+    /// Paths whose estimate was infinite or NaN; they are left out of the means.
+    pub dropped: u64,
+}
+
+impl Rendering {
+    /// All light.
+    #[must_use]
+    pub fn full(&self) -> Radiance {
+        sum(&self.direct, &self.indirect)
+    }
+
+    /// The light that global illumination adds: indirect light, and light of emissive surfaces and
+    /// environment on other surfaces, without their own visible emission.
+    #[must_use]
+    pub fn global(&self) -> Radiance {
+        sum(&self.extended, &self.indirect)
+    }
+}
+
+fn sum(a: &Radiance, b: &Radiance) -> Radiance {
+    let rgb =
+        a.rgb.iter().zip(&b.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
+    Radiance { rgb, ..*a }
+}
+
+/// Direct, extended and indirect light of one pixel, and how many of its samples were dropped.
+type Pixel = ([[f32; 3]; 3], u64);
+
+/// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The
+/// result depends on the arguments alone, not on the number of threads.
+///
+/// The pixel filter is a box, unless [`Settings::pixels`] says otherwise.
+pub fn render(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    watch: Watch,
+) -> Option<Rendering> {
+    let UVec2 { x: width, y: height } = view.size;
+    let rows: Vec<Vec<Pixel>> = (0..height)
+        .into_par_iter()
+        .map(|y| {
+            let row = (0..width)
+                .map(|x| (!(watch.interrupted)()).then(|| pixel(scene, view, settings, x, y)))
+                .collect::<Option<Vec<_>>>();
+            (watch.row_done)();
+            row
+        })
+        .collect::<Option<_>>()?;
+    let pixels = rows.into_iter().flatten();
+    let empty = || Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) };
+    let mut rendering =
+        Rendering { direct: empty(), extended: empty(), indirect: empty(), dropped: 0 };
+    for ([direct, extended, indirect], dropped) in pixels {
+        rendering.direct.rgb.push(direct);
+        rendering.extended.rgb.push(extended);
+        rendering.indirect.rgb.push(indirect);
+        rendering.dropped += dropped;
+    }
+    Some(rendering)
+}
+
+fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u32) -> Pixel {
+    let (mut parts, mut dropped) = ([DVec3::ZERO; 3], 0);
+    let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
+    for sample in 0..settings.samples {
+        let mut sampler = Sampler::new(settings.seed, number, sample);
+        // Sampled in either case, so that the path uses the same random numbers.
+        let offset = sampler.pair();
+        let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
+        let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
+        let estimate = trace(scene, settings, origin, direction, &mut sampler);
+        if estimate.fits_f32() {
+            let own = [estimate.direct, estimate.extended, estimate.indirect];
+            parts.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        } else {
+            dropped += 1;
+        }
+    }
+    let count = f64::from(settings.samples - dropped.min(settings.samples)).max(1.0);
+    (parts.map(|sum| (sum / count).as_vec3().to_array()), u64::from(dropped))
+}
+
+/// What a camera ray hits first: a surface point and its normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FirstHit {
+    /// World space, metres.
+    pub position: DVec3,
+    /// Geometric normal on the visible side, unit length.
+    pub normal: DVec3,
+}
+
+/// The surface at each pixel's centre, row by row; `None` where there is none.
+pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<FirstHit>> {
+    let pixel = |index: u32| {
+        let (origin, direction) =
+            view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
+        let surface = Surface::new(&scene.geometry, &scene.closest(origin, direction)?);
+        Some(FirstHit { position: surface.position, normal: surface.geometric_normal })
+    };
+    (0..view.size.element_product()).into_par_iter().map(pixel).collect()
+}
+
+impl View {
+    /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
+    /// pixels from its upper left corner.
+    fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
+        let size = self.size.as_dvec2();
+        let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
+        let half_width = half_height * size.x / size.y;
+        let ahead = DVec3::new(
+            (2.0 * x / size.x - 1.0) * half_width,
+            (1.0 - 2.0 * y / size.y) * half_height,
+            -1.0,
+        );
+        let ray = self.pose.rotation.as_dquat() * ahead;
+        ((self.pose.position.as_dvec3() + ray * f64::from(self.near)).as_vec3(), ray.normalize())
+    }
+}

@@ -1,0 +1,71 @@
+//! How an image is path-traced.
+
+use crate::bsdf::Shading;
+
+/// How an image is path-traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is
+    /// smooth; time grows linearly. Powers of two are best.
+    pub samples: u32,
+    /// Greatest number of indirect bounces; `None` for no limit. 0 is direct light alone. Each
+    /// costs one ray or more.
+    pub bounces: Option<u32>,
+    /// Seed of all random numbers: another seed gives another image with the same mean.
+    pub seed: u64,
+    /// Reflection model.
+    pub shading: Shading,
+    /// Sampling strategy for lights with extent.
+    pub strategy: Strategy,
+    /// Positions of camera rays within a pixel.
+    pub pixels: Pixels,
+}
+
+/// Positions of camera rays within a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pixels {
+    /// Uniform over the pixel: its value is the mean over its area (box filter).
+    #[default]
+    Area,
+    /// The pixel's centre, as in a renderer without antialiasing: both have the same aliased edges.
+    Middle,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            samples: 256,
+            bounces: None,
+            seed: 0,
+            shading: Shading::default(),
+            strategy: Strategy::default(),
+            pixels: Pixels::default(),
+        }
+    }
+}
+
+/// How paths sample lights with extent: emissive triangles and sky maps. All strategies have the
+/// same mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// Both techniques, weighted by the balance heuristic.
+    #[default]
+    Combined,
+    /// Light sampling alone: noisy where a surface is glossy or the light is near.
+    Lights,
+    /// BSDF sampling alone: noisy where the light is small.
+    Scattering,
+}
+
+impl Strategy {
+    /// Weight of a sample of density `own`, which the other technique samples with density `other`.
+    /// Where `other` is 0 the weight is 1.
+    pub(super) fn weight(self, is_light_sample: bool, own: f64, other: f64) -> f64 {
+        match self {
+            _ if other <= 0.0 => 1.0,
+            Self::Combined => own / (own + other),
+            Self::Lights => f64::from(u8::from(is_light_sample)),
+            Self::Scattering => f64::from(u8::from(!is_light_sample)),
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! A path tracer on the CPU, and metrics of images. Plain Rust, without a renderer, scene files or a
+//! command line.
+//!
+//! Units are photometric (lux, lumens, nits), lengths metres, colours linear Rec. 709, +Y is up.
+//! Lights and materials are Bevy's, so that radiance is comparable nit by nit.
+//!
+//! | module | job |
+//! |---|---|
+//! | [`scene`] | triangles, materials, textures, sky maps, cameras; ray queries |
+//! | [`light`] | punctual lights, emissive triangles, the environment |
+//! | [`bsdf`] | the surface at a hit, and its reflection model |
+//! | [`integrator`] | light along paths, and a camera's image |
+//! | [`metrics`] | images, and differences between two |
+//!
+//! Each module imports only those above it, [`integrator`] also [`metrics`]. `color` and `sampler`
+//! (random numbers) serve all.
+
+pub mod bsdf;
+mod color;
+pub mod integrator;
+pub mod light;
+pub mod metrics;
+mod sampler;
+pub mod scene;

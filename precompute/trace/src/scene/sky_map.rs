@@ -1,0 +1,118 @@
+//! A sky: a latitude-longitude environment map.
+
+use std::path::Path;
+
+use glam::Vec3;
+
+/// Why an image is not a valid sky.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form"
+)]
+pub struct SkyError {
+    /// The file.
+    pub file: String,
+    /// The problem.
+    pub problem: String,
+}
+
+/// Radiance of all directions. The first row is straight up, the middle of a row is −Z, and −X is
+/// left of it. Radiance is constant within a texel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyMap {
+    /// Texels in a row, at least 1.
+    width: u32,
+    /// Rows, at least 1.
+    height: u32,
+    /// Row by row; finite and not negative.
+    texels: Vec<[f32; 3]>,
+}
+
+impl SkyMap {
+    /// Reads an image. Its values are linear; the scene's intensity gives them their unit.
+    ///
+    /// # Errors
+    /// When it cannot be read, is empty, or holds values that are negative or not finite.
+    pub fn read(file: &Path) -> Result<Self, SkyError> {
+        let fail = |problem: String| SkyError { file: file.display().to_string(), problem };
+        let picture = image::open(file).map_err(|error| fail(error.to_string()))?.into_rgb32f();
+        let texels = picture.as_raw().as_chunks().0.to_vec();
+        Self::new(picture.width(), picture.height(), texels)
+            .map_err(|problem| fail(problem.to_owned()))
+    }
+
+    /// A sky of `width` × `height` texels, row by row.
+    ///
+    /// # Errors
+    /// The problem, as for [`read`](Self::read).
+    pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Result<Self, &'static str> {
+        if width == 0 || height == 0 || texels.len() as u64 != u64::from(width) * u64::from(height)
+        {
+            return Err("it is empty");
+        }
+        if texels.iter().flatten().any(|value| !value.is_finite() || *value < 0.0) {
+            return Err("it holds values that are negative or not finite");
+        }
+        Ok(Self { width, height, texels })
+    }
+
+    /// A sky of means of another sky's texels, which are valid because those are. Must have all
+    /// rows.
+    pub fn of_means(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
+        debug_assert_eq!(texels.len() as u64, u64::from(width) * u64::from(height));
+        Self { width, height, texels }
+    }
+
+    /// Texels in a row, and rows.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// The texels, row by row.
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
+    /// Index in [`texels`](Self::texels) of the texel in `direction`, a unit vector.
+    pub fn index(&self, direction: Vec3) -> usize {
+        let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
+        let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
+        let x = ((u * self.width as f32) as u32).min(self.width - 1);
+        let y = ((v * self.height as f32) as u32).min(self.height - 1);
+        y as usize * self.width as usize + x as usize
+    }
+
+    /// Radiance in a direction, which is a unit vector.
+    pub fn look_up(&self, direction: Vec3) -> [f32; 3] {
+        self.texels[self.index(direction)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn up_is_the_first_row_and_ahead_the_middle() {
+        let mut texels = vec![[0.0; 3]; 128];
+        texels[4 * 16 + 8] = [5.0, 0.0, 0.0];
+        texels[..16].fill([0.0, 7.0, 0.0]);
+        let sky = SkyMap::new(16, 8, texels).unwrap();
+        assert_eq!(sky.look_up(Vec3::Y), [0.0, 7.0, 0.0]);
+        assert_eq!(sky.look_up(Vec3::new(0.01, -0.01, -1.0).normalize()), [5.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn invalid_skies_are_refused() {
+        assert!(
+            SkyMap::new(0, 0, vec![]).is_err() && SkyMap::new(2, 2, vec![[1.0; 3]; 3]).is_err()
+        );
+        assert!(
+            SkyMap::new(1, 1, vec![[f32::NAN, 0.0, 0.0]]).is_err()
+                && SkyMap::new(1, 1, vec![[-1.0, 0.0, 0.0]]).is_err()
+        );
+        assert!(
+            SkyMap::read(Path::new("no/such.hdr")).unwrap_err().to_string().contains("no/such.hdr")
+        );
+    }
+}
