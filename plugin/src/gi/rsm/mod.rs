@@ -120,7 +120,7 @@ impl Plugin for RsmPlugin {
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<resolve::RsmPipelines>()
+            .init_gpu_resource::<resolve::RsmKernel>()
             .add_systems(
                 Render,
                 (
