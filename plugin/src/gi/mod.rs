@@ -18,13 +18,14 @@
 //! | `emissive` | both | adds texels of emissive surfaces |
 //! | `sky` | render | samples each view's environment map by importance |
 //! | `bounces` | both | further bounces: lights surface patches, whose reflected flux joins the texels |
-//! | `refresh` | both | decides which passes run in a frame |
+//! | `camera` | render | decides the work of each GI camera in a frame |
 //! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
 //! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
 //! | `debug` | both | counters, and access to buffers |
 
 mod bounces;
+mod camera;
 mod composite;
 mod compute;
 mod debug;
@@ -32,7 +33,6 @@ mod denoise;
 mod emissive;
 mod gather;
 mod masks;
-mod refresh;
 mod rsm;
 mod schedule;
 mod settings;
@@ -98,13 +98,12 @@ impl Plugin for GiPlugin {
         schedule::configure_main_world(app);
         app.add_plugins((
             ExtractComponentPlugin::<FrugalGi>::default(),
-            ExtractComponentPlugin::<GiShading>::default(),
             view::ViewPlugin,
             texels::TexelPlugin,
             surfaces::SurfacesPlugin,
             trace::TracePlugin,
             (rsm::RsmPlugin, emissive::EmissivePlugin, sky::SkyPlugin, bounces::BouncePlugin),
-            refresh::RefreshPlugin,
+            camera::CameraPlugin,
             vpl::VplPlugin,
             gather::GatherPlugin,
             denoise::DenoisePlugin,

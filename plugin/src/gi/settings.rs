@@ -265,10 +265,8 @@ impl GiVisibility {
 ///
 /// Directions of incident light are not stored: terms that depend on them are averaged over the
 /// hemisphere.
-#[derive(
-    Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash,
-)]
-#[reflect(Component, Default, Clone, PartialEq, Hash)]
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
 #[non_exhaustive]
 pub enum GiShading {
     /// Lambertian reflection by the base colour; metals reflect nothing. For comparison with

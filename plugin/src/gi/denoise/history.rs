@@ -14,7 +14,7 @@ use crate::gi::compute::filled_buffer;
 use crate::gi::gather::{
     GatherView, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
 };
-use crate::gi::view::{GatherCamera, GiView, Step};
+use crate::gi::view::{GatherCamera, GiView, HistoryAction};
 
 /// Longest history, in frames.
 const MOST_FRAMES: u32 = 64;
@@ -151,18 +151,18 @@ impl History {
         queue: &RenderQueue,
     ) {
         let frames = view.gi.history_frames.clamp(1, MOST_FRAMES);
-        let length = match view.step {
-            Step::Begins => 1,
-            Step::Moves => frames.min(self.length + 1),
-            Step::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
-            Step::Averages => self.length.max(1),
-            Step::Rests if view.gi.rest_frames == 0 => self.length.saturating_sub(1),
-            Step::Rests => {
+        let length = match view.history {
+            HistoryAction::Begins => 1,
+            HistoryAction::Moves => frames.min(self.length + 1),
+            HistoryAction::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
+            HistoryAction::Averages => self.length.max(1),
+            HistoryAction::Rests if view.gi.rest_frames == 0 => self.length.saturating_sub(1),
+            HistoryAction::Rests => {
                 self.accumulates = false;
                 return;
             }
         };
-        let averages = view.step == Step::Averages;
+        let averages = view.history == HistoryAction::Averages;
         let rested = if averages { view.work.rested } else { 0 };
         self.accumulates = length > 0;
         if !self.accumulates {

@@ -17,6 +17,7 @@ use bevy::shader::ShaderDefVal;
 
 use super::RsmView;
 use super::lights::RsmLight;
+use super::map::LightMap;
 use crate::gi::compute::{Kernel, compute_pass, definitions, write};
 use crate::gi::settings::GiShading;
 use crate::gi::texels::{TexelRange, TexelStore};
@@ -79,7 +80,7 @@ pub(super) fn reserve(mut store: ResMut<TexelStore>, maps: Query<&RsmLight, With
 pub(in crate::gi) fn resolve(
     view: ViewQuery<(
         &RsmView,
-        &GiShading,
+        &LightMap,
         &DynamicUniformIndex<RsmLight>,
         &ExtractedView,
         &ViewPrepassTextures,
@@ -93,13 +94,13 @@ pub(in crate::gi) fn resolve(
     lights: Res<ComponentUniforms<RsmLight>>,
     mut context: RenderContext,
 ) {
-    let (map, shading, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
+    let (rsm, map, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
     let (Some(texels), Some(g_buffer), Some(views), Some(lights), Some(resolve)) = (
         &store.texels,
         prepass.deferred_view(),
         view_uniforms.uniforms.binding(),
         lights.uniforms().binding(),
-        kernel.0.get(&cache, &variant(map.camera.is_some(), *shading)),
+        kernel.0.get(&cache, &variant(rsm.camera.is_some(), map.shading)),
     ) else {
         return;
     };
