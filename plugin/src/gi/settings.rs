@@ -271,6 +271,7 @@ impl GiVisibility {
 pub enum GiShading {
     /// Lambertian reflection by the base colour; metals reflect nothing. For comparison with
     /// Lambertian references.
+    #[doc(hidden)]
     Lambertian,
     /// The albedo of Bevy's own shading under uniform incident light: its diffuse term, which
     /// reflects more at grazing angles the rougher a surface is, and its specular term, by which
@@ -293,6 +294,7 @@ pub enum GiOutput {
     IndirectOnly,
     /// None. The reflective shadow maps are rendered, for passes of the app that read them (see
     /// [`inspect`](super::inspect)), but nothing is sampled or gathered.
+    #[doc(hidden)]
     MapsOnly,
 }
 

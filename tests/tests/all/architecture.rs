@@ -39,7 +39,7 @@ const PLUGIN: &[&str] = &[
     "gi/emissive",
     "gi/sky",
     "gi/bounces",
-    "gi/refresh",
+    "gi/camera",
     "gi/gather",
     "gi/denoise",
     "gi/composite",

@@ -73,7 +73,8 @@ pub(super) struct RsmPlugin;
 impl Plugin for RsmPlugin {
     fn build(&self, app: &mut App) {
         embedded_asset!(app, "resolve.wgsl");
-        app.init_resource::<scene_box::SceneBox>()
+        app.register_type::<RsmView>()
+            .init_resource::<scene_box::SceneBox>()
             .init_resource::<views::MapsReweighted>()
             .init_resource::<selection::LightSelection>()
             .init_resource::<slots::MapSlots>()

@@ -46,6 +46,7 @@ impl Plugin for ViewPlugin {
         load_shader_library!(app, "surface.wgsl");
         app.init_resource::<LightPresence>()
             .init_resource::<GiRefresh>()
+            .register_type::<GiRefresh>()
             .init_resource::<GiFrame>()
             .add_plugins((
                 ExtractResourcePlugin::<Jumps>::default(),
