@@ -67,7 +67,7 @@ pub struct FrugalGiPlugins;
 impl PluginGroup for FrugalGiPlugins {
     fn build(self) -> PluginGroupBuilder {
         PluginGroupBuilder::start::<Self>()
-            .add(gi::GiPlugin)
+            .add(gi::GiPlugin::default())
             .add(resolution::ResolutionPlugin)
             .add(pacing::FramePacingPlugin)
             .add(knobs::KnobPlugin)
@@ -92,7 +92,7 @@ pub mod prelude {
     pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
     pub use crate::gi::{
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,
-        GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiVisibility, RsmView,
+        GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiSupport, GiVisibility, RsmView,
     };
     pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::pacing::{FramePacingPlugin, FrameRateLimit};

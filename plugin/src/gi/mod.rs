@@ -18,13 +18,14 @@
 //! | `emissive` | both | adds texels of emissive surfaces |
 //! | `sky` | render | samples each view's environment map by importance |
 //! | `bounces` | both | further bounces: lights surface patches, whose reflected flux joins the texels |
-//! | `refresh` | both | decides which passes run in a frame |
+//! | `camera` | render | decides the work of each GI camera in a frame |
 //! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
 //! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
 //! | `debug` | both | counters, and access to buffers |
 
 mod bounces;
+mod camera;
 mod composite;
 mod compute;
 mod debug;
@@ -32,7 +33,6 @@ mod denoise;
 mod emissive;
 mod gather;
 mod masks;
-mod refresh;
 mod rsm;
 mod schedule;
 mod settings;
@@ -51,6 +51,7 @@ use bevy::log::warn;
 use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::renderer::RenderDevice;
+use bevy::render::settings::WgpuLimits;
 use bevy::render::view::Msaa;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
@@ -58,7 +59,7 @@ use bevy::render::{Render, RenderApp, RenderSystems};
 pub use debug::inspect;
 pub use debug::{GI_DIAGNOSTICS, GiCounts};
 pub use rsm::RsmView;
-pub use schedule::GiSystems;
+pub use schedule::{GiSupport, GiSystems};
 pub use settings::{
     FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiShading, GiVisibility,
 };
@@ -66,21 +67,40 @@ pub use surfaces::GiTextureCopies;
 pub use trace::GiOccluders;
 pub use view::{CameraCut, GiRefresh};
 
-/// Adds [`FrugalGi`] to an app, and makes deferred rendering its default.
-///
-/// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a
-/// camera that has no prepass, and panics at one that has another prepass. It gets a `DepthPrepass`,
-/// too: without one, Bevy's deferred lighting does not know where surfaces are, and point and spot
-/// lights leave them black.
-#[derive(Clone, Debug, Default)]
-pub struct GiPlugin;
+/// Adds [`FrugalGi`] to an app.
+#[derive(Clone, Debug)]
+pub struct GiPlugin {
+    /// Makes deferred rendering the default of the whole app.
+    ///
+    /// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a
+    /// camera that has no prepass, and panics at one that has another prepass. It gets a
+    /// `DepthPrepass`, too: without one, Bevy's deferred lighting does not know where surfaces are,
+    /// and point and spot lights leave them black. Without this default, only materials that are
+    /// deferred by themselves receive indirect light.
+    pub deferred_by_default: bool,
+}
 
-impl Plugin for GiPlugin {
-    fn build(&self, app: &mut App) {
-        app.insert_resource(DefaultOpaqueRendererMethod::deferred())
-            .init_resource::<GiLimits>()
-            .register_type::<FrugalGi>()
-            .register_type::<GiLimits>();
+impl Default for GiPlugin {
+    fn default() -> Self {
+        Self { deferred_by_default: true }
+    }
+}
+
+impl GiPlugin {
+    /// The least limits of a device that supports global illumination; see [`GiSupport`].
+    pub fn required_limits() -> WgpuLimits {
+        WgpuLimits {
+            max_compute_invocations_per_workgroup: 64,
+            max_storage_buffers_per_shader_stage: 8,
+            max_storage_textures_per_shader_stage: 1,
+            max_uniform_buffer_binding_size: u64::from(FrugalGi::MAX_VPLS_PER_PIXEL)
+                * vpl::VPL_BYTES,
+            ..WgpuLimits::downlevel_webgl2_defaults()
+        }
+    }
+
+    fn defer(app: &mut App) {
+        app.insert_resource(DefaultOpaqueRendererMethod::deferred());
         // Required components also cover cameras that are spawned later. They must be registered
         // before the first camera.
         let deferred = app.try_register_required_components::<Camera3d, DeferredPrepass>();
@@ -90,6 +110,18 @@ impl Plugin for GiPlugin {
                 "a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass or DepthPrepass: give every Camera3d both"
             );
         }
+    }
+}
+
+impl Plugin for GiPlugin {
+    fn build(&self, app: &mut App) {
+        if self.deferred_by_default {
+            Self::defer(app);
+        }
+        app.init_resource::<GiLimits>()
+            .init_resource::<GiSupport>()
+            .register_type::<FrugalGi>()
+            .register_type::<GiLimits>();
         // The requirement does not replace the `Msaa` of a camera that has one; Bevy would switch
         // it off with a warning in each frame.
         app.add_observer(|added: On<Add, FrugalGi>, mut commands: Commands| {
@@ -98,13 +130,12 @@ impl Plugin for GiPlugin {
         schedule::configure_main_world(app);
         app.add_plugins((
             ExtractComponentPlugin::<FrugalGi>::default(),
-            ExtractComponentPlugin::<GiShading>::default(),
             view::ViewPlugin,
             texels::TexelPlugin,
             surfaces::SurfacesPlugin,
             trace::TracePlugin,
             (rsm::RsmPlugin, emissive::EmissivePlugin, sky::SkyPlugin, bounces::BouncePlugin),
-            refresh::RefreshPlugin,
+            camera::CameraPlugin,
             vpl::VplPlugin,
             gather::GatherPlugin,
             denoise::DenoisePlugin,
@@ -124,22 +155,30 @@ impl Plugin for GiPlugin {
         let lacking = lacking_limits(&device.limits());
         if !lacking.is_empty() {
             warn!("global illumination stays off: this GPU lacks {}", lacking.join(", "));
-            app.insert_resource(schedule::GiIsOff);
+            app.insert_resource(GiSupport::Lacking(lacking));
             return;
         }
-        render_app.insert_resource(schedule::GiIsSupported);
+        render_app.insert_resource(GiSupport::Full);
         schedule::configure_render_world(render_app);
+        app.insert_resource(GiSupport::Full);
     }
 }
 
 /// Names of the limits that GI needs and that the device does not reach.
-fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static str> {
-    let vpl_bytes = u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * vpl::VPL_BYTES;
+fn lacking_limits(limits: &WgpuLimits) -> Vec<&'static str> {
+    let needed = GiPlugin::required_limits();
+    let lacks = |limit: fn(&WgpuLimits) -> u64| limit(limits) < limit(&needed);
     [
-        (limits.max_compute_invocations_per_workgroup < 64, "compute workgroups of 64"),
-        (limits.max_storage_buffers_per_shader_stage < 8, "8 storage buffers per stage"),
-        (limits.max_storage_textures_per_shader_stage < 1, "storage textures"),
-        (limits.max_uniform_buffer_binding_size < vpl_bytes, "uniform buffers of 48 KiB"),
+        (
+            lacks(|limits| limits.max_compute_invocations_per_workgroup.into()),
+            "compute workgroups of 64",
+        ),
+        (
+            lacks(|limits| limits.max_storage_buffers_per_shader_stage.into()),
+            "8 storage buffers per stage",
+        ),
+        (lacks(|limits| limits.max_storage_textures_per_shader_stage.into()), "storage textures"),
+        (lacks(|limits| limits.max_uniform_buffer_binding_size), "uniform buffers of 48 KiB"),
     ]
     .into_iter()
     .filter_map(|(lacks, name)| lacks.then_some(name))

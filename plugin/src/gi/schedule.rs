@@ -180,23 +180,28 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
         );
 }
 
-/// Exists in the main world if there is a device and it does not support global illumination: then
-/// nothing is kept up for it.
-#[derive(Resource)]
-pub(super) struct GiIsOff;
-
-/// Whether the device, if any, supports global illumination.
-pub(super) fn is_not_off(off: Option<Res<GiIsOff>>) -> bool {
-    off.is_none()
+/// Whether the device supports global illumination. A resource of both worlds, decided in
+/// `Plugin::finish`.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub enum GiSupport {
+    /// There is no renderer.
+    #[default]
+    NoRenderer,
+    /// It does.
+    Full,
+    /// It does not: these limits are too low. Global illumination stays off, and the app keeps
+    /// Bevy's own light.
+    Lacking(Vec<&'static str>),
 }
 
-/// Exists in the render world if the device supports global illumination.
-#[derive(Resource)]
-pub(super) struct GiIsSupported;
+/// Whether the device, if any, supports global illumination: else nothing is kept up for it.
+pub(super) fn is_not_off(support: Res<GiSupport>) -> bool {
+    !matches!(*support, GiSupport::Lacking(_))
+}
 
 /// The render app, if the device supports global illumination. For plugins that finish after
 /// [`GiPlugin`](super::GiPlugin), such as those that it adds.
 pub(super) fn supported_render_app(app: &mut App) -> Option<&mut SubApp> {
-    app.get_sub_app_mut(RenderApp)
-        .filter(|render_app| render_app.world().contains_resource::<GiIsSupported>())
+    let is_supported = app.world().get_resource() == Some(&GiSupport::Full);
+    app.get_sub_app_mut(RenderApp).filter(|_| is_supported)
 }

@@ -265,14 +265,13 @@ impl GiVisibility {
 ///
 /// Directions of incident light are not stored: terms that depend on them are averaged over the
 /// hemisphere.
-#[derive(
-    Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash,
-)]
-#[reflect(Component, Default, Clone, PartialEq, Hash)]
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
 #[non_exhaustive]
 pub enum GiShading {
     /// Lambertian reflection by the base colour; metals reflect nothing. For comparison with
     /// Lambertian references.
+    #[doc(hidden)]
     Lambertian,
     /// The albedo of Bevy's own shading under uniform incident light: its diffuse term, which
     /// reflects more at grazing angles the rougher a surface is, and its specular term, by which
@@ -295,6 +294,7 @@ pub enum GiOutput {
     IndirectOnly,
     /// None. The reflective shadow maps are rendered, for passes of the app that read them (see
     /// [`inspect`](super::inspect)), but nothing is sampled or gathered.
+    #[doc(hidden)]
     MapsOnly,
 }
 

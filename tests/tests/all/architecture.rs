@@ -41,7 +41,7 @@ const PLUGIN: &[&str] = &[
     "gi/emissive",
     "gi/sky",
     "gi/bounces",
-    "gi/refresh",
+    "gi/camera",
     "gi/gather",
     "gi/denoise",
     "gi/composite",

@@ -10,9 +10,11 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
+use super::PATCHES;
+use super::kernels::{BounceKernels, ReflectKind};
 use super::patch::Patch;
 use super::patches::GiPatches;
-use super::{BouncePipelines, PATCHES, ReflectKind};
+use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
@@ -74,21 +76,8 @@ impl BounceCamera {
         inputs: LightInputs,
         kind: ReflectKind,
     ) -> Self {
-        let empty = |label, size, usage| {
-            device.create_buffer(&BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let filled = |label, contents: &[u8], usage| {
-            device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: usage | BufferUsages::COPY_DST,
-            })
-        };
+        let filled = |label, contents: &[u8], usage| filled_buffer(device, label, contents, usage);
+        let empty = |label, size, usage| empty_buffer(device, label, size, usage);
         Self {
             held: Arc::clone(patches),
             patches: filled(
@@ -148,10 +137,8 @@ impl BounceCamera {
 
     /// Bytes held on the GPU for this camera's patches, without their texels.
     pub(crate) fn bytes(&self) -> u64 {
-        [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.range]
-            .map(|buffer| buffer.size())
-            .iter()
-            .sum()
+        let Self { patches, bounce_vpls, plan, importance, range, .. } = self;
+        bytes_of([patches, bounce_vpls, plan, importance, range])
     }
 
     /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
@@ -164,21 +151,27 @@ impl BounceCamera {
 /// patches are due to reflect again.
 pub(super) fn prepare(
     mut commands: Commands,
-    mut pipelines: ResMut<BouncePipelines>,
+    mut kernels: ResMut<BounceKernels>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
     (mut store, patches, occluders): (ResMut<TexelStore>, Res<GiPatches>, Res<OccluderBuffers>),
     frame: Res<GiFrame>,
-    cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, Option<&SkyCamera>)>,
-    mut held: Query<&mut BounceCamera>,
-    stale: Query<Entity, (With<BounceCamera>, Or<(Without<FrugalGi>, Without<ExtractedCamera>)>)>,
+    mut cameras: Query<
+        (
+            Entity,
+            &MainEntity,
+            Option<(&FrugalGi, &ExtractedCamera)>,
+            Option<&SkyCamera>,
+            Option<&mut BounceCamera>,
+        ),
+        Or<(With<FrugalGi>, With<BounceCamera>)>,
+    >,
 ) {
-    for entity in &stale {
-        commands.entity(entity).remove::<BounceCamera>();
-    }
-    for (entity, main_entity, gi, camera, sky) in &cameras {
-        let found = patches.of(main_entity.id()).filter(|_| gi.reflects());
-        let (Some((patches, before)), Some(texels)) = (found, store.texels.clone()) else {
-            if held.contains(entity) {
+    for (entity, main_entity, camera, sky, held) in &mut cameras {
+        let found = camera.filter(|(gi, _)| gi.reflects()).and_then(|(gi, camera)| {
+            Some((gi, camera, patches.of(main_entity.id())?, store.texels.clone()?))
+        });
+        let Some((gi, camera, (patches, before), texels)) = found else {
+            if held.is_some() {
                 commands.entity(entity).remove::<BounceCamera>();
             }
             continue;
@@ -190,7 +183,7 @@ pub(super) fn prepare(
             has_masks: occluders.are_masked(),
             is_lambertian: gi.shading == GiShading::Lambertian,
         };
-        pipelines.queue(&cache, kind);
+        kernels.queue(&cache, kind);
         let always = sky.as_ref().is_some_and(SkyInputs::is_generated);
         let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
         let inputs = LightInputs {
@@ -201,7 +194,7 @@ pub(super) fn prepare(
             store: (texels.id(), first_texel),
         };
         let size = PATCHES as u64 * TEXEL_BYTES;
-        if let Ok(mut held) = held.get_mut(entity) {
+        if let Some(mut held) = held {
             if !Arc::ptr_eq(&held.held, patches) {
                 let bytes: &[u8] = bytemuck::cast_slice(patches);
                 queue.write_buffer(&held.patches, 0, bytes);

@@ -14,49 +14,40 @@
 //! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
 //! | `pick.wgsl`, `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
-//!
-//! Options: (1) this; (2) maps' texels that gather light from each other, which leaves all surfaces
-//! dark that no light illuminates directly: a ceiling, or a room's shady half; (3) rays from
-//! visible surfaces to their hits on others (Segovia et al. 2006, "Bidirectional Instant
-//! Radiosity"), which concentrates on visible surfaces, but finds other points whenever the camera
-//! moves, and would need materials in the tree of triangles. We use 1.
 
 mod camera;
 mod choice;
+mod kernels;
 mod patch;
 mod patches;
 
 use std::sync::atomic::Ordering;
 
 use bevy::app::{App, Plugin, PostUpdate};
-use bevy::asset::{AssetEventSystems, Handle, embedded_asset, load_embedded_asset};
+use bevy::asset::{AssetEventSystems, embedded_asset};
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResourcePlugin;
-use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer, uniform_buffer_sized,
-};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
-use bevy::shader::{Shader, load_shader_library};
+use bevy::shader::load_shader_library;
 use bevy::transform::TransformSystems;
-use bevy::utils::default;
 
-use super::compute::{CameraInputs, bind_group, compute_pass};
+use super::compute::{CameraInputs, compute_pass};
 use super::schedule::{PassSystems, PrepareSystems, SceneSystems, supported_render_app};
 use super::sky::SkyCamera;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-use super::vpl::{SampleInputs, VplPipelines, VplView};
+use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(super) use camera::BOUNCE_VPLS;
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
+use kernels::BounceKernels;
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
 
@@ -88,7 +79,7 @@ impl Plugin for BouncePlugin {
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<BouncePipelines>()
+            .init_gpu_resource::<BounceKernels>()
             .add_systems(
                 Render,
                 (
@@ -104,103 +95,6 @@ fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
     store.reserve(TexelRange::Patches, patches.texel_count());
 }
 
-/// Key of a pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct ReflectKind {
-    /// Whether the camera's sky lights patches.
-    has_sky: bool,
-    /// Whether rays test alpha masks.
-    has_masks: bool,
-    is_lambertian: bool,
-}
-
-/// Layouts of the passes, and pipelines, which are queued once a camera needs them.
-#[derive(Resource)]
-pub(super) struct BouncePipelines {
-    pick_layout: BindGroupLayoutDescriptor,
-    /// Without a sky and with one.
-    reflect_layouts: [BindGroupLayoutDescriptor; 2],
-    pick_shader: Handle<Shader>,
-    reflect_shader: Handle<Shader>,
-    pick: Option<CachedComputePipelineId>,
-    reflect: HashMap<ReflectKind, CachedComputePipelineId>,
-}
-
-impl FromWorld for BouncePipelines {
-    fn from_world(world: &mut World) -> Self {
-        let read = || storage_buffer_read_only_sized(false, None);
-        let write = || storage_buffer_sized(false, None);
-        let uniform = || uniform_buffer_sized(false, None);
-        let compute = ShaderStages::COMPUTE;
-        let pick = BindGroupLayoutEntries::sequential(compute, (read(), write()));
-        let view = uniform_buffer::<ViewUniform>(true);
-        let without_sky = BindGroupLayoutEntries::sequential(
-            compute,
-            (view, uniform(), uniform(), read(), write()),
-        );
-        let with_sky = BindGroupLayoutEntries::sequential(
-            compute,
-            (view, uniform(), uniform(), read(), write(), read(), read()),
-        );
-        Self {
-            pick_layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/pick", &pick),
-            reflect_layouts: [
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/reflect", &without_sky),
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/reflect/sky", &with_sky),
-            ],
-            pick_shader: load_embedded_asset!(world, "pick.wgsl"),
-            reflect_shader: load_embedded_asset!(world, "reflect.wgsl"),
-            pick: None,
-            reflect: default(),
-        }
-    }
-}
-
-impl BouncePipelines {
-    /// The pipeline of a kind, if it is compiled; until then, the one that treats all triangles as
-    /// solid.
-    fn get<'a>(&self, cache: &'a PipelineCache, kind: ReflectKind) -> Option<&'a ComputePipeline> {
-        let compiled = |kind| cache.get_compute_pipeline(*self.reflect.get(&kind)?);
-        compiled(kind).or_else(|| compiled(ReflectKind { has_masks: false, ..kind }))
-    }
-
-    /// Queues the pipelines of a kind, unless they were queued before.
-    fn queue(&mut self, cache: &PipelineCache, kind: ReflectKind) {
-        let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } =
-            self;
-        pick.get_or_insert_with(|| {
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some("bevy_frugal_gi/bounces/pick".into()),
-                layout: vec![pick_layout.clone()],
-                shader: pick_shader.clone(),
-                entry_point: Some("pick_patches".into()),
-                ..default()
-            })
-        });
-        reflect.entry(kind).or_insert_with(|| {
-            let ReflectKind { has_sky, has_masks, is_lambertian } = kind;
-            let definitions =
-                [(has_sky, "SKY"), (has_masks, "MASKS"), (is_lambertian, "LAMBERTIAN")];
-            let shader_defs = definitions
-                .into_iter()
-                .filter(|(is_so, _)| *is_so)
-                .map(|(_, name)| name.into())
-                .collect();
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some(format!("bevy_frugal_gi/bounces/reflect/{kind:?}").into()),
-                layout: vec![
-                    reflect_layouts[usize::from(has_sky)].clone(),
-                    OccluderBuffers::layout(),
-                ],
-                shader: reflect_shader.clone(),
-                shader_defs,
-                entry_point: Some("reflect_patches".into()),
-                ..default()
-            })
-        });
-    }
-}
-
 /// In a GI camera's view: lights its patches, once for each bounce beyond the first.
 pub(super) fn reflect(
     view: ViewQuery<(
@@ -211,8 +105,8 @@ pub(super) fn reflect(
         &ViewPrepassTextures,
         &ViewUniformOffset,
     )>,
-    pipelines: Res<BouncePipelines>,
-    vpl_pipelines: Res<VplPipelines>,
+    kernels: Res<BounceKernels>,
+    vpl_kernels: Res<VplKernels>,
     store: Res<TexelStore>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
@@ -224,9 +118,8 @@ pub(super) fn reflect(
     if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }
-    let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
     let (Some(pick), Some(reflect)) =
-        (ready(pipelines.pick.as_ref()), pipelines.get(&cache, camera.kind))
+        (kernels.pick.get(&cache, &[]), kernels.get(&cache, camera.kind))
     else {
         return;
     };
@@ -249,14 +142,13 @@ pub(super) fn reflect(
     };
     // Tile visibility for patches would take as many rays as for the image, without a measurable
     // gain.
-    let Some(steps) = vpl_pipelines.steps(&context, &cache, false, inputs) else {
+    let Some(passes) = vpl_kernels.passes(&context, &cache, false, inputs) else {
         return;
     };
     let sky = sky.filter(|_| camera.kind.has_sky);
-    let picking = bind_group(
+    let picking = kernels.pick.bind(
         &context,
         &cache,
-        &pipelines.pick_layout,
         &BindGroupEntries::sequential((
             camera.patches.as_entire_binding(),
             camera.importance.as_entire_binding(),
@@ -276,8 +168,7 @@ pub(super) fn reflect(
         )),
         None => entries,
     };
-    let layout = &pipelines.reflect_layouts[usize::from(sky.is_some())];
-    let reflecting = bind_group(&context, &cache, layout, &entries);
+    let reflecting = kernels.reflect[usize::from(sky.is_some())].bind(&context, &cache, &entries);
     // In the first round patches emit nothing yet.
     let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
     let clear = (texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
@@ -286,8 +177,8 @@ pub(super) fn reflect(
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         for _ in 0..camera.rounds() {
-            steps.weigh(pass);
-            steps.sample(pass);
+            passes.weigh(pass);
+            passes.sample(pass);
             pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);

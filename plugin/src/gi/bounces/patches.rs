@@ -4,15 +4,13 @@ use std::sync::Arc;
 
 use bevy::asset::AssetId;
 use bevy::camera::Camera;
-use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::light::{EnvironmentMapLight, NotShadowCaster};
 use bevy::log::warn_once;
-use bevy::math::{Affine3A, Vec3};
+use bevy::math::Vec3;
+use bevy::mesh::Mesh;
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Mesh, Mesh3d};
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
@@ -23,10 +21,11 @@ use super::patch::Patch;
 use crate::cut::Jumps;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    MaterialSample, MeshDelta, Reading, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents,
-    SurfaceKey, SurfacePoint, SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
+    MaterialSample, MeshDelta, Reflectance, SurfaceAssets, SurfaceEvents, SurfaceInstance,
+    SurfaceKey, SurfaceMesh, SurfacePoint, SurfacePoints, SurfaceSet, TrianglePoint, Triangles,
+    area_matrix, triangles,
 };
-use crate::gi::view::{GiCameras, LightPresence, Showing};
+use crate::gi::view::{GiCameras, LightPresence};
 
 /// Approximate number of points on all surfaces, from which a camera's patches are selected: near
 /// surfaces can have eight times the density of patches of others.
@@ -56,7 +55,7 @@ struct PatchSet {
 /// Patches of each camera with more than one bounce. Maintained while there are such cameras and
 /// light.
 ///
-/// Every visible mesh with a lit, opaque or masked [`StandardMaterial`] reflects. Exceptions:
+/// Every visible mesh with a lit, opaque or masked `StandardMaterial` reflects. Exceptions:
 /// unlit, transparent and transmissive ones, those with [`NotShadowCaster`], forward-rendered ones,
 /// and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move
 /// vertices, other kinds of material and ranges of visibility are ignored: all levels of
@@ -103,24 +102,18 @@ impl SurfaceKey for PatchKey {
     }
 }
 
-/// A surface in the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct SurfaceInstance {
-    entity: Entity,
-    key: PatchKey,
-    affine: Affine3A,
-}
+type PatchInstance = SurfaceInstance<PatchKey, ()>;
 
 /// A camera's density of patches: its centre, which follows the camera in steps, and the distance
 /// at which the density is a half, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Around {
+struct PatchFocus {
     camera: Entity,
     center: Vec3,
     near: f32,
 }
 
-impl Around {
+impl PatchFocus {
     /// `before`: the last one of this camera.
     fn new(camera: Entity, position: Vec3, range: f32, before: Option<&Self>) -> Self {
         // NaN compares false.
@@ -144,12 +137,9 @@ type Points = SurfacePoints<Option<MaterialSample>>;
 /// The inputs of the current [`GiPatches`].
 #[derive(Resource, Default)]
 pub(super) struct Surfaces {
-    /// `None` where a mesh has no readable triangles.
-    points: SurfaceCache<PatchKey, Option<Points>>,
-    instances: Vec<SurfaceInstance>,
-    around: Vec<Around>,
-    /// `None` where instances are not those of the scene.
-    reading: Option<Reading>,
+    /// A value is `None` where a mesh has no readable triangles.
+    points: SurfaceSet<PatchKey, (), Option<Points>>,
+    focuses: Vec<PatchFocus>,
 }
 
 pub(super) fn update(
@@ -159,91 +149,52 @@ pub(super) fn update(
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
-    meshes: Query<
-        (
-            Entity,
-            &Mesh3d,
-            &MeshMaterial3d<StandardMaterial>,
-            &GlobalTransform,
-            &InheritedVisibility,
-            Showing,
-        ),
-        (Without<SkinnedMesh>, Without<NotShadowCaster>),
-    >,
+    meshes: Query<SurfaceMesh, (Without<SkinnedMesh>, Without<NotShadowCaster>)>,
     gi_cameras: GiCameras,
     (delta, jumps): (Res<MeshDelta>, Res<Jumps>),
 ) {
-    let surfaces = &mut *surfaces;
-    surfaces.points.read(&mut events);
-    let mut around: Vec<Around> = cameras
+    let Surfaces { points: surfaces, focuses: before } = &mut *surfaces;
+    surfaces.cache.read(&mut events);
+    let mut focuses: Vec<PatchFocus> = cameras
         .iter()
         .filter(|(_, camera, gi, _, has_map)| {
             camera.is_active && gi.reflects() && light.lights(gi, *has_map)
         })
         .map(|(entity, _, gi, transform, _)| {
-            let before = surfaces.around.iter().find(|around| around.camera == entity);
+            let before = before.iter().find(|focus| focus.camera == entity);
             let shift = jumps.shifts.get(&entity).copied().unwrap_or_default();
-            let before = before.map(|before| Around { center: before.center + shift, ..*before });
-            Around::new(entity, transform.translation(), gi.range, before.as_ref())
+            let before =
+                before.map(|before| PatchFocus { center: before.center + shift, ..*before });
+            PatchFocus::new(entity, transform.translation(), gi.range, before.as_ref())
         })
         .collect();
-    if around.is_empty() {
-        if !surfaces.around.is_empty() {
+    if focuses.is_empty() {
+        if !before.is_empty() {
             // Points stay, since they take longer to compute than patches.
-            surfaces.instances.clear();
-            surfaces.around.clear();
-            surfaces.reading = None;
+            surfaces.clear();
+            before.clear();
             *patches = GiPatches::default();
         }
         return;
     }
     // Query order is arbitrary; sorting keeps patches the same in every run.
-    around.sort_unstable_by_key(|around| around.camera);
+    focuses.sort_unstable_by_key(|focus| focus.camera);
     let materials = assets.materials.as_deref();
-    let shown = gi_cameras.shown();
-    let mut is_incomplete = false;
-    let from_scene = || {
-        let mut now: Vec<SurfaceInstance> = meshes
-            .iter()
-            .filter(|(.., transform, visible, showing)| {
-                let is_somewhere = transform.affine().is_finite();
-                is_incomplete |= !is_somewhere;
-                visible.get() && is_somewhere && shown.has(showing, transform)
-            })
-            .filter_map(|(entity, mesh, material, transform, ..)| {
-                let reflectance = Reflectance::new(materials?.get(material.id())?)?;
-                Some(SurfaceInstance {
-                    entity,
-                    key: PatchKey { mesh: mesh.id(), reflectance },
-                    affine: transform.affine(),
-                })
-            })
-            .collect();
-        now.sort_unstable_by_key(|instance| instance.entity);
-        now
-    };
-    let holds = |reading: &Reading| reading.holds(&delta, shown.layers());
-    let are_kept = surfaces.reading.as_ref().is_some_and(holds) && !surfaces.points.changed;
-    if are_kept && delta.moved.is_empty() && surfaces.around == around {
-        return;
-    }
-    let moved = if are_kept {
-        delta.displace(&surfaces.instances, |mesh| mesh.entity, |mesh| &mut mesh.affine)
-    } else {
-        None
-    };
-    let now = moved.unwrap_or_else(from_scene);
-    let used = now.iter().map(|instance| instance.key);
-    let are_loaded = surfaces.points.fill(used, |key| points(key, FIRST_POINTS, &assets));
-    surfaces.reading = Some(Reading {
-        layers: shown.layers().clone(),
-        is_incomplete: is_incomplete || !are_loaded,
-    });
-    if surfaces.points.changed || surfaces.instances != now || surfaces.around != around {
-        let are_refined = refine(&mut surfaces.points.values, &now, &around, &assets);
-        let set = |around: &Around| {
-            let camera = around.camera;
-            let chosen = chosen(&surfaces.points.values, &now, around);
+    let changed = surfaces.update(
+        &meshes,
+        (&gi_cameras.shown(), &delta),
+        |mesh, material| {
+            let reflectance = Reflectance::new(materials?.get(material)?)?;
+            Some((PatchKey { mesh, reflectance }, ()))
+        },
+        |key| points(key, FIRST_POINTS, &assets),
+    );
+    if changed || *before != focuses {
+        let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);
+        let are_refined = refine(values, instances, &focuses, &assets);
+        let set = |focus: &PatchFocus| {
+            let camera = focus.camera;
+            let chosen = chosen(values, instances, focus);
             // Keeps the old patches where another camera moved or a change was far away.
             let same =
                 patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
@@ -252,10 +203,10 @@ pub(super) fn update(
                 patches: same.map_or_else(|| Arc::new(chosen), |set| Arc::clone(&set.patches)),
             }
         };
-        let sets = around.iter().map(set).collect();
+        let sets = focuses.iter().map(set).collect();
         *patches = GiPatches { sets };
-        (surfaces.instances, surfaces.around) = (now, around);
-        surfaces.points.changed = !are_refined;
+        *before = focuses;
+        surfaces.cache.changed = !are_refined;
     }
 }
 
@@ -304,8 +255,8 @@ fn coarse(fine: &Points, samples: usize) -> Points {
 /// whether no texture must be waited for.
 fn refine(
     held: &mut HashMap<PatchKey, Option<Points>>,
-    instances: &[SurfaceInstance],
-    around: &[Around],
+    instances: &[PatchInstance],
+    focuses: &[PatchFocus],
     assets: &SurfaceAssets,
 ) -> bool {
     let mut importance: HashMap<PatchKey, f64> = HashMap::default();
@@ -318,9 +269,9 @@ fn refine(
             .iter()
             .map(|point| {
                 let position = instance.affine.transform_point3(point.position);
-                let densest = around
+                let densest = focuses
                     .iter()
-                    .map(|around| density(position, around.center, around.near))
+                    .map(|focus| density(position, focus.center, focus.near))
                     .fold(0.0, f32::max);
                 points.area * f64::from((spread * point.normal).length() * densest)
             })
@@ -355,8 +306,8 @@ fn refine(
 /// A camera's patches.
 fn chosen(
     held: &HashMap<PatchKey, Option<Points>>,
-    instances: &[SurfaceInstance],
-    around: &Around,
+    instances: &[PatchInstance],
+    focus: &PatchFocus,
 ) -> Vec<Patch> {
     let mut candidates = Vec::new();
     for instance in instances {
@@ -373,7 +324,7 @@ fn chosen(
             if !position.is_finite() || normal == Vec3::ZERO {
                 continue;
             }
-            let density = density(position, around.center, around.near);
+            let density = density(position, focus.center, focus.near);
             for (side, sign) in (0..).zip(instance.key.reflectance.sides.signs()) {
                 let rank = rank(index, seed.wrapping_add(side << 31));
                 candidates.push(Candidate {
@@ -451,8 +402,8 @@ mod tests {
 
     #[test]
     fn patches_stay_while_a_camera_moves_within_a_step() {
-        let from = |x: f32, range: f32, before: Option<&Around>| {
-            Around::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range, before)
+        let from = |x: f32, range: f32, before: Option<&PatchFocus>| {
+            PatchFocus::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range, before)
         };
         let at = |x: f32, range: f32| from(x, range, None);
         assert_eq!(at(0.1, 40.0), at(0.4, 40.0));

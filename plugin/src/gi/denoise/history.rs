@@ -10,10 +10,11 @@ use bevy::render::texture::CachedTexture;
 use bytemuck::{Pod, Zeroable};
 
 use crate::cut::{Jumps, is_cut};
+use crate::gi::compute::filled_buffer;
 use crate::gi::gather::{
-    GatherView, IRRADIANCE, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
+    GatherView, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
 };
-use crate::gi::view::{GatherCamera, GiView, Step};
+use crate::gi::view::{GatherCamera, GiView, HistoryAction};
 
 /// Longest history, in frames.
 const MOST_FRAMES: u32 = 64;
@@ -29,7 +30,6 @@ const REST_HISTORY: f32 = 8.0;
 const FRAMES_AT_SWITCH: u32 = 8;
 
 const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
-const HISTORY: &str = "bevy_frugal_gi/denoise/history";
 const LENGTHS: &str = "bevy_frugal_gi/denoise/lengths";
 /// Format of the lengths of history: every device can write it.
 pub(super) const LENGTH_FORMAT: TextureFormat = TextureFormat::R32Float;
@@ -98,14 +98,9 @@ impl Reprojection {
 /// The history of a GI camera that filters. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct History {
-    /// Side of the spatial filter's window, in low-resolution pixels.
-    pub(super) window: u32,
     /// Output of the spatial filter for the last gather.
     pub(super) filtered: CachedTexture,
-    /// The accumulated irradiance of the last frame. Swaps textures with
-    /// [`GatherView::irradiance`].
-    pub(super) texture: CachedTexture,
-    /// Frames in the mean of each low-resolution pixel of [`texture`](Self::texture).
+    /// Frames in the mean of each low-resolution pixel of [`GatherView::previous`].
     pub(super) lengths: CachedTexture,
     /// The same of this frame's accumulated irradiance.
     pub(super) new_lengths: CachedTexture,
@@ -120,20 +115,17 @@ pub(in crate::gi) struct History {
 }
 
 impl History {
-    fn new(device: &RenderDevice, view: &GiView, window: u32) -> Self {
-        let reprojection = device.create_buffer_with_data(&BufferInitDescriptor {
-            label: Some("bevy_frugal_gi/denoise/reprojection"),
-            contents: bytemuck::bytes_of(&Reprojection::NONE),
-            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-        });
-        let [filtered, texture] =
-            [FILTERED, HISTORY].map(|label| irradiance_texture(device, label, view.cells()));
+    fn new(device: &RenderDevice, view: &GiView) -> Self {
+        let reprojection = filled_buffer(
+            device,
+            "bevy_frugal_gi/denoise/reprojection",
+            bytemuck::bytes_of(&Reprojection::NONE),
+            BufferUsages::UNIFORM,
+        );
         let [lengths, new_lengths] = [LENGTHS; 2]
             .map(|label| low_resolution_texture(device, label, view.cells(), LENGTH_FORMAT));
         Self {
-            window,
-            filtered,
-            texture,
+            filtered: irradiance_texture(device, FILTERED, view.cells()),
             lengths,
             new_lengths,
             reprojection,
@@ -159,37 +151,31 @@ impl History {
         queue: &RenderQueue,
     ) {
         let frames = view.gi.history_frames.clamp(1, MOST_FRAMES);
-        let length = match view.step {
-            Step::Begins => 1,
-            Step::Moves => frames.min(self.length + 1),
-            Step::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
-            Step::Averages => self.length.max(1),
-            Step::Rests if view.gi.rest_frames == 0 => self.length.saturating_sub(1),
-            Step::Rests => {
+        let length = match view.history {
+            HistoryAction::Begins => 1,
+            HistoryAction::Moves => frames.min(self.length + 1),
+            HistoryAction::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
+            HistoryAction::Averages => self.length.max(1),
+            HistoryAction::Rests if view.gi.rest_frames == 0 => self.length.saturating_sub(1),
+            HistoryAction::Rests => {
                 self.accumulates = false;
                 return;
             }
         };
-        let averages = view.step == Step::Averages;
+        let averages = view.history == HistoryAction::Averages;
         let rested = if averages { view.work.rested } else { 0 };
         self.accumulates = length > 0;
         if !self.accumulates {
             return;
         }
         // History is read at its own resolution; only textures that are written need this frame's.
-        let shown = &mut gather.irradiance;
-        match gather.replaced.take() {
-            Some(replaced) => self.texture = replaced,
-            None => std::mem::swap(shown, &mut self.texture),
-        }
+        gather.swap(device, view.cells());
         std::mem::swap(&mut self.lengths, &mut self.new_lengths);
         if texture_size(&self.new_lengths) != view.cells() {
             self.new_lengths = low_resolution_texture(device, LENGTHS, view.cells(), LENGTH_FORMAT);
         }
-        for (texture, label) in [(shown, IRRADIANCE), (&mut self.filtered, FILTERED)] {
-            if texture_size(texture) != view.cells() {
-                *texture = irradiance_texture(device, label, view.cells());
-            }
+        if texture_size(&self.filtered) != view.cells() {
+            self.filtered = irradiance_texture(device, FILTERED, view.cells());
         }
         let then = self.camera.filter(|_| length > 1 || averages);
         let weight = if averages { rest_weight(rested) } else { (length as f32).recip() };
@@ -209,13 +195,11 @@ impl History {
         self.accumulates && self.length > 1
     }
 
-    /// Bytes held on the GPU, without [`GatherView::irradiance`].
+    /// Bytes held on the GPU, without [`GatherView`]'s.
     pub(crate) fn bytes(&self) -> u64 {
-        self.reprojection.size()
-            + [&self.filtered, &self.texture, &self.lengths, &self.new_lengths]
-                .map(texture_bytes)
-                .iter()
-                .sum::<u64>()
+        let Self { filtered, lengths, new_lengths, .. } = self;
+        let textures = [filtered, lengths, new_lengths].map(texture_bytes);
+        self.reprojection.size() + textures.iter().sum::<u64>()
     }
 }
 
@@ -231,33 +215,29 @@ pub(super) fn prepare(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     jumps: Res<Jumps>,
-    mut views: Query<(Entity, &MainEntity, &GiView, &mut GatherView)>,
-    mut held: Query<&mut History>,
-    stale: Query<Entity, (With<History>, Without<GiView>)>,
+    mut views: Query<(Entity, &MainEntity, &GiView, &mut GatherView, Option<&mut History>)>,
 ) {
-    for entity in &stale {
-        commands.entity(entity).remove::<History>();
-    }
-    let seconds = jumps.seconds;
-    for (entity, main_entity, view, mut gather) in &mut views {
-        let window = super::window(&view.gi);
-        match held.get_mut(entity) {
-            Ok(_) if !view.gi.filters() => {
-                commands.entity(entity).remove::<History>();
+    for (entity, main_entity, view, mut gather, held) in &mut views {
+        let mut camera = commands.entity(entity);
+        let mut advance = |history: &mut History| {
+            history.advance(&mut gather, view, jumps.seconds, &device, &queue);
+        };
+        match held {
+            Some(_) if !view.gi.filters() => {
+                camera.remove::<History>();
             }
-            Ok(mut history) => {
-                history.window = window;
+            Some(mut history) => {
                 if let Some(by) = jumps.shifts.get(&main_entity.id()) {
                     history.camera = history.camera.map(|camera| camera.shifted(*by));
                 }
-                history.advance(&mut gather, view, seconds, &device, &queue);
+                advance(&mut history);
             }
-            Err(_) if view.gi.filters() => {
-                let mut history = History::new(&device, view, window);
-                history.advance(&mut gather, view, seconds, &device, &queue);
-                commands.entity(entity).insert(history);
+            None if view.gi.filters() => {
+                let mut history = History::new(&device, view);
+                advance(&mut history);
+                camera.insert(history);
             }
-            Err(_) => {}
+            None => {}
         }
     }
 }

@@ -16,9 +16,8 @@ use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::ShaderDefVal;
-use bevy::utils::default;
 
-use super::compute::{CameraInputs, bind_group, compute_pass};
+use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with};
 use super::gather::{GatherSettings, GatherView};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
@@ -49,91 +48,80 @@ impl Plugin for DenoisePlugin {
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<DenoisePipelines>()
+            .init_gpu_resource::<DenoiseKernels>()
+            .add_observer(drop_with::<GiView, History>)
             .add_systems(Render, history::prepare.in_set(PrepareSystems::Denoise))
             .add_systems(Core3d, denoise.in_set(PassSystems::Denoise));
     }
 }
 
 #[derive(Resource)]
-pub(super) struct DenoisePipelines {
-    layout: BindGroupLayoutDescriptor,
-    pipelines: [CachedComputePipelineId; 3],
-    temporal_layout: BindGroupLayoutDescriptor,
-    /// Without the wider window, and with it.
-    temporal: [CachedComputePipelineId; 2],
+pub(super) struct DenoiseKernels {
+    spatial: Kernel,
+    temporal: Kernel,
 }
 
-impl FromWorld for DenoisePipelines {
+fn spatial_variant(window: u32) -> Vec<ShaderDefVal> {
+    vec![ShaderDefVal::UInt("WINDOW".into(), window)]
+}
+
+/// `SMOOTH`: with the wider window.
+fn temporal_variant(smooths: bool) -> Vec<ShaderDefVal> {
+    definitions([(smooths, "SMOOTH")])
+}
+
+impl FromWorld for DenoiseKernels {
     fn from_world(world: &mut World) -> Self {
-        let light = || texture_2d(TextureSampleType::Float { filterable: false });
-        let settings =
-            || uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64));
-        let layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/denoise/spatial",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::COMPUTE,
-                (
-                    texture_2d(TextureSampleType::Uint),
-                    texture_depth_2d(),
-                    uniform_buffer::<ViewUniform>(true),
-                    settings(),
-                    light(),
-                    texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
-                ),
+        let light = texture_2d(TextureSampleType::Float { filterable: false });
+        let target = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
+        let (g_buffer, depth, view) = (
+            texture_2d(TextureSampleType::Uint),
+            texture_depth_2d(),
+            uniform_buffer::<ViewUniform>(true),
+        );
+        let uniform = |bytes| uniform_buffer_sized(false, BufferSize::new(bytes as u64));
+        let settings = uniform(size_of::<GatherSettings>());
+        let irradiance = target(TextureFormat::Rgba16Float);
+        let compute = ShaderStages::COMPUTE;
+        let spatial = BindGroupLayoutEntries::sequential(
+            compute,
+            (g_buffer, depth, view, settings, light, irradiance),
+        );
+        let temporal = BindGroupLayoutEntries::sequential(
+            compute,
+            (
+                g_buffer,
+                depth,
+                view,
+                settings,
+                light,
+                light,
+                uniform(size_of::<Reprojection>()),
+                irradiance,
+                light,
+                target(LENGTH_FORMAT),
             ),
         );
-        let (shader, temporal_shader) = (
+        let (filter, accumulate) = (
             load_embedded_asset!(world, "spatial.wgsl"),
             load_embedded_asset!(world, "temporal.wgsl"),
         );
-        let cache = world.resource::<PipelineCache>();
-        let pipelines = WINDOWS.map(|window| {
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some(format!("bevy_frugal_gi/denoise/spatial/{window}").into()),
-                layout: vec![layout.clone()],
-                shader: shader.clone(),
-                shader_defs: vec![ShaderDefVal::UInt("WINDOW".into(), window)],
-                entry_point: Some("filter_spatially".into()),
-                ..default()
-            })
-        });
-        let temporal_layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/denoise/temporal",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::COMPUTE,
-                (
-                    texture_2d(TextureSampleType::Uint),
-                    texture_depth_2d(),
-                    uniform_buffer::<ViewUniform>(true),
-                    settings(),
-                    light(),
-                    light(),
-                    uniform_buffer_sized(false, BufferSize::new(size_of::<Reprojection>() as u64)),
-                    texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
-                    light(),
-                    texture_storage_2d(LENGTH_FORMAT, StorageTextureAccess::WriteOnly),
-                ),
-            ),
+        let (spatial, temporal) = (
+            Kernel::new("bevy_frugal_gi/denoise/spatial", "filter_spatially", &filter, &spatial),
+            Kernel::new("bevy_frugal_gi/denoise/temporal", "accumulate", &accumulate, &temporal),
         );
-        let temporal = [vec![], vec!["SMOOTH".into()]].map(|shader_defs| {
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some("bevy_frugal_gi/denoise/temporal".into()),
-                layout: vec![temporal_layout.clone()],
-                shader: temporal_shader.clone(),
-                shader_defs,
-                entry_point: Some("accumulate".into()),
-                ..default()
-            })
-        });
-        Self { layout, pipelines, temporal_layout, temporal }
+        let cache = world.resource::<PipelineCache>();
+        Self {
+            spatial: spatial.queued(cache, WINDOWS.map(spatial_variant)),
+            temporal: temporal.queued(cache, [false, true].map(temporal_variant)),
+        }
     }
 }
 
 /// In a GI camera's view: filters the gathered irradiance spatially, and accumulates it over time.
 pub(super) fn denoise(
     view: ViewQuery<(&GiView, &GatherView, &History, &ViewPrepassTextures, &ViewUniformOffset)>,
-    pipelines: Res<DenoisePipelines>,
+    kernels: Res<DenoiseKernels>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
@@ -142,20 +130,16 @@ pub(super) fn denoise(
     if !view.work.gather && !history.accumulates {
         return;
     }
-    let pipeline = WINDOWS
-        .iter()
-        .position(|window| *window == history.window)
-        .map(|index| pipelines.pipelines[index]);
-    let (Some(camera), Some(pipeline)) = (
+    let (Some(camera), Some(pipeline), Some(previous)) = (
         CameraInputs::new(prepass, &view_uniforms),
-        pipeline.and_then(|pipeline| cache.get_compute_pipeline(pipeline)),
+        kernels.spatial.get(&cache, &spatial_variant(window(&view.gi))),
+        &gather.previous,
     ) else {
         return;
     };
-    let spatial = bind_group(
+    let spatial = kernels.spatial.bind(
         &context,
         &cache,
-        &pipelines.layout,
         &BindGroupEntries::sequential((
             camera.g_buffer,
             camera.depth,
@@ -166,22 +150,21 @@ pub(super) fn denoise(
         )),
     );
     let smooths = view.gi.visibility.rays() > 0;
-    let temporal =
-        cache.get_compute_pipeline(pipelines.temporal[usize::from(smooths)]).map(|pipeline| {
-            let entries = BindGroupEntries::sequential((
-                camera.g_buffer,
-                camera.depth,
-                camera.views,
-                gather.first_settings(),
-                &history.filtered.default_view,
-                &history.texture.default_view,
-                history.reprojection.as_entire_binding(),
-                &gather.irradiance.default_view,
-                &history.lengths.default_view,
-                &history.new_lengths.default_view,
-            ));
-            (pipeline, bind_group(&context, &cache, &pipelines.temporal_layout, &entries))
-        });
+    let temporal = kernels.temporal.get(&cache, &temporal_variant(smooths)).map(|pipeline| {
+        let entries = BindGroupEntries::sequential((
+            camera.g_buffer,
+            camera.depth,
+            camera.views,
+            gather.first_settings(),
+            &history.filtered.default_view,
+            &previous.default_view,
+            history.reprojection.as_entire_binding(),
+            &gather.irradiance.default_view,
+            &history.lengths.default_view,
+            &history.new_lengths.default_view,
+        ));
+        (pipeline, kernels.temporal.bind(&context, &cache, &entries))
+    });
     let size = history.filtered.texture.size();
     compute_pass(&mut context, "bevy_frugal_gi/denoise", &[], |pass| {
         let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));

@@ -8,29 +8,28 @@
 use std::sync::Arc;
 
 use bevy::asset::{AssetEvent, AssetId};
-use bevy::camera::visibility::InheritedVisibility;
 use bevy::camera::{Camera, Exposure};
 use bevy::color::ColorToComponents;
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::log::warn_once;
-use bevy::math::{Affine3A, DVec3, Vec3};
+use bevy::math::{DVec3, Vec3};
+use bevy::mesh::Mesh;
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Mesh, Mesh3d};
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
-use bevy::transform::components::GlobalTransform;
 
 use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshDelta, MeshTexture, Reading, SurfaceAssets, SurfaceCache, SurfaceEvents,
-    SurfaceKey, SurfacePoints, TextureUse, TrianglePoint, Triangles, triangles,
+    Cutout, Mask, MeshDelta, MeshTexture, SurfaceAssets, SurfaceEvents, SurfaceInstance,
+    SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint, Triangles,
+    triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
-use crate::gi::view::{GiCameras, LightPresence, Showing};
+use crate::gi::view::{GiCameras, LightPresence};
 
 /// Texels of all emissive surfaces, approximately: each surface has a power of two of them, so that
 /// one that flickers does not change the others' texels.
@@ -120,26 +119,16 @@ impl EmissiveKey {
     }
 }
 
-/// An emissive surface in the scene.
-#[derive(Clone, Debug, PartialEq)]
-struct EmissiveInstance {
-    entity: Entity,
-    key: EmissiveKey,
-    affine: Affine3A,
-    emission: Emission,
-}
+type EmissiveInstance = SurfaceInstance<EmissiveKey, Emission>;
 
 /// The inputs of the current [`GiEmitters`].
 #[derive(Resource, Default)]
 pub(super) struct EmissiveState {
     /// Emissive materials.
     materials: HashMap<AssetId<StandardMaterial>, Emission>,
-    /// `None` where a mesh has no readable triangles.
-    surfaces: SurfaceCache<EmissiveKey, Option<EmissiveSurface>>,
-    instances: Vec<EmissiveInstance>,
+    /// A value is `None` where a mesh has no readable triangles.
+    surfaces: SurfaceSet<EmissiveKey, Emission, Option<EmissiveSurface>>,
     exposures: Vec<Option<f32>>,
-    /// `None` where instances are not those of the scene.
-    reading: Option<Reading>,
 }
 
 pub(super) fn update(
@@ -151,21 +140,11 @@ pub(super) fn update(
     ),
     assets: SurfaceAssets,
     cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
-    meshes: Query<
-        (
-            Entity,
-            &Mesh3d,
-            &MeshMaterial3d<StandardMaterial>,
-            &GlobalTransform,
-            &InheritedVisibility,
-            Showing,
-        ),
-        Without<SkinnedMesh>,
-    >,
+    meshes: Query<SurfaceMesh, Without<SkinnedMesh>>,
     gi_cameras: GiCameras,
     delta: Res<MeshDelta>,
 ) {
-    let state = &mut *state;
+    let EmissiveState { materials, surfaces, exposures } = &mut *state;
     for event in material_events.iter_mut().flat_map(MessageReader::read) {
         let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) =
             event
@@ -173,82 +152,50 @@ pub(super) fn update(
             continue;
         };
         match assets.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
-            Some(emission) => state.materials.insert(*id, emission),
-            None => state.materials.remove(id),
+            Some(emission) => materials.insert(*id, emission),
+            None => materials.remove(id),
         };
     }
-    state.surfaces.read(&mut events);
-    let exposures: Vec<f32> = cameras
+    surfaces.cache.read(&mut events);
+    let of_cameras: Vec<f32> = cameras
         .iter()
         .filter(|(camera, gi, _)| camera.is_active && gi.vpl_count > 0 && gi.emissive)
         .map(|(_, _, exposure)| exposure.copied().unwrap_or_default().exposure())
         .collect();
-    if exposures.is_empty() || state.materials.is_empty() {
-        if !state.instances.is_empty() || !state.surfaces.values.is_empty() {
-            (state.surfaces.values, state.instances, state.exposures) = Default::default();
+    if of_cameras.is_empty() || materials.is_empty() {
+        if !surfaces.instances.is_empty() || !surfaces.cache.values.is_empty() {
+            surfaces.cache.values.clear();
+            exposures.clear();
             *emitters = GiEmitters::default();
         }
-        state.reading = None;
+        surfaces.clear();
         return;
     }
-    let shown = gi_cameras.shown();
-    let mut is_incomplete = false;
-    let from_scene = || {
-        let mut now: Vec<EmissiveInstance> = meshes
-            .iter()
-            .filter(|(.., transform, visible, showing)| {
-                let is_somewhere = transform.affine().is_finite();
-                is_incomplete |= !is_somewhere;
-                visible.get() && is_somewhere && shown.has(showing, transform)
-            })
-            .filter_map(|(entity, mesh, material, transform, ..)| {
-                let emission = *state.materials.get(&material.id())?;
-                let key =
-                    EmissiveKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
-                Some(EmissiveInstance { entity, key, affine: transform.affine(), emission })
-            })
-            .collect();
-        // Query order is arbitrary; sorting keeps texels the same in every run.
-        now.sort_unstable_by_key(|instance| instance.entity);
-        now
-    };
-    let holds = |reading: &Reading| reading.holds(&delta, shown.layers());
-    let are_kept = state.reading.as_ref().is_some_and(holds) && !state.surfaces.changed;
-    if are_kept
-        && delta.moved.is_empty()
-        && state.exposures == distinct_exposures(&state.instances, exposures.clone())
-    {
-        return;
-    }
-    let moved = if are_kept {
-        delta.displace(&state.instances, |mesh| mesh.entity, |mesh| &mut mesh.affine)
-    } else {
-        None
-    };
-    let now = moved.unwrap_or_else(from_scene);
-    let used = now.iter().map(|instance| instance.key);
-    let are_loaded = state.surfaces.fill(used, |key| surface(key, FIRST_TEXELS, &assets));
-    state.reading = Some(Reading {
-        layers: shown.layers().clone(),
-        is_incomplete: is_incomplete || !are_loaded,
-    });
-    let exposures = distinct_exposures(&now, exposures);
-    if state.surfaces.changed || state.instances != now || state.exposures != exposures {
+    let changed = surfaces.update(
+        &meshes,
+        (&gi_cameras.shown(), &delta),
+        |mesh, material| {
+            let emission = *materials.get(&material)?;
+            let Emission { texture, mask, .. } = emission;
+            Some((EmissiveKey { mesh, texture, mask }, emission))
+        },
+        |key| surface(key, FIRST_TEXELS, &assets),
+    );
+    let now = distinct_exposures(&surfaces.instances, of_cameras);
+    if changed || *exposures != now {
+        *exposures = now;
         let mut is_coarse = false;
+        let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);
         let mut set = |exposure: &Option<f32>| {
-            assemble(&mut state.surfaces.values, &now, *exposure, &assets, &mut is_coarse)
+            assemble(values, instances, *exposure, &assets, &mut is_coarse)
         };
         let sets = exposures.iter().map(&mut set).collect();
-        *emitters = GiEmitters {
-            sets,
-            surfaces: now
-                .iter()
-                .filter(|instance| {
-                    matches!(state.surfaces.values.get(&instance.key), Some(Some(_)))
-                })
-                .count(),
+        let has_surface = |instance: &&EmissiveInstance| {
+            matches!(surfaces.cache.values.get(&instance.key), Some(Some(_)))
         };
-        (state.instances, state.exposures, state.surfaces.changed) = (now, exposures, is_coarse);
+        let surfaces_found = instances.iter().filter(has_surface).count();
+        *emitters = GiEmitters { sets, surfaces: surfaces_found };
+        surfaces.cache.changed = is_coarse;
     }
 }
 
@@ -260,7 +207,7 @@ pub(super) fn note_presence(emitters: Res<GiEmitters>, mut presence: ResMut<Ligh
 /// The exposures for which texels differ: each camera's own where a surface is equally bright on
 /// screen at any exposure, as Bevy's are by default; else one set for all.
 fn distinct_exposures(instances: &[EmissiveInstance], mut exposures: Vec<f32>) -> Vec<Option<f32>> {
-    if instances.iter().all(|instance| instance.emission.unexposed == Vec3::ZERO) {
+    if instances.iter().all(|instance| instance.material.unexposed == Vec3::ZERO) {
         return vec![None];
     }
     exposures.sort_unstable_by(f32::total_cmp);
@@ -319,9 +266,9 @@ fn assemble(
         .iter()
         .filter_map(|instance| {
             let surface = surfaces.get(&instance.key)?.as_ref()?;
-            let radiance = instance.emission.radiance(exposure);
+            let radiance = instance.material.radiance(exposure);
             let power =
-                surface.power(&instance.affine, radiance) * instance.emission.sides.count() as f64;
+                surface.power(&instance.affine, radiance) * instance.material.sides.count() as f64;
             (power > 0.0 && power.is_finite()).then_some((instance, radiance, power))
         })
         .collect();
@@ -337,7 +284,7 @@ fn assemble(
     let total: f64 = emissive.iter().map(|(.., power)| power).sum();
     let mut texels = Vec::new();
     for (instance, radiance, power) in emissive {
-        let sides = instance.emission.sides;
+        let sides = instance.material.sides;
         let share = (TEXELS as f64 * power / total / sides.count() as f64).ceil() as usize;
         let count = share.clamp(1, TEXELS).next_power_of_two();
         let Some(Some(points)) = surfaces.get_mut(&instance.key) else { continue };

@@ -1,35 +1,31 @@
 //! The gather: irradiance from a camera's VPLs and sky at low-resolution pixels.
 
-mod settings;
 mod view;
 
 use bevy::app::{App, Plugin};
-use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
+use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d,
-    uniform_buffer, uniform_buffer_sized,
+    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
-use bevy::shader::{Shader, ShaderDefVal, load_shader_library};
-use bevy::utils::default;
+use bevy::shader::{ShaderDefVal, load_shader_library};
 
-use super::compute::{CameraInputs, bind_group, compute_pass};
+use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with, read};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::{SET_BYTES, SkyCamera};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{VPL_BYTES, VplView};
-pub(super) use settings::GatherSettings;
 pub(super) use view::{
-    GatherView, IRRADIANCE, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
+    GatherSettings, GatherView, irradiance_texture, low_resolution_texture, texture_bytes,
+    texture_size,
 };
 
 pub(super) struct GatherPlugin;
@@ -43,7 +39,8 @@ impl Plugin for GatherPlugin {
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<GatherPipelines>()
+            .init_gpu_resource::<GatherKernels>()
+            .add_observer(drop_with::<GiView, GatherView>)
             .add_systems(
                 Render,
                 (
@@ -59,27 +56,43 @@ fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
     BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
 }
 
-/// Key of a pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct GatherKind {
-    pub visibility: GiVisibility,
+/// What a gather takes into account.
+#[derive(Clone, Copy)]
+struct GatherKind {
+    visibility: GiVisibility,
     /// Needs rays.
-    pub has_sky: bool,
+    has_sky: bool,
     /// Whether rays test alpha masks.
-    pub has_masks: bool,
+    has_masks: bool,
 }
 
-/// Pipelines by kind. Plain kinds are queued from the beginning, those with a sky or alpha masks
-/// once a camera needs them.
+impl GatherKind {
+    /// Index of its kernel.
+    fn kernel(self) -> usize {
+        if self.visibility.rays() == 0 { 0 } else { 1 + usize::from(self.has_sky) }
+    }
+
+    fn definitions(self) -> Vec<ShaderDefVal> {
+        let rays = |name: &str, count| ShaderDefVal::UInt(name.into(), count);
+        let mut all = definitions([(self.has_masks, "MASKS")]);
+        if self.visibility.rays() > 0 {
+            all.push(rays("RAYS", self.visibility.rays()));
+        }
+        if self.has_sky {
+            all.push(rays("SKY_RAYS", self.visibility.sky_rays()));
+        }
+        all
+    }
+}
+
+/// Pipelines without a sky and alpha masks are queued from the beginning, others once a camera needs
+/// them.
+///
+/// Without rays; with rays; with rays and a sky.
 #[derive(Resource)]
-pub(super) struct GatherPipelines {
-    /// Without a sky and with one.
-    layouts: [BindGroupLayoutDescriptor; 2],
-    shader: Handle<Shader>,
-    pipelines: HashMap<GatherKind, CachedComputePipelineId>,
-}
+pub(super) struct GatherKernels([Kernel; 3]);
 
-impl FromWorld for GatherPipelines {
+impl FromWorld for GatherKernels {
     fn from_world(world: &mut World) -> Self {
         let vpls = uniform_buffer_sized(
             true,
@@ -87,8 +100,8 @@ impl FromWorld for GatherPipelines {
         );
         let settings =
             uniform_buffer_sized(true, BufferSize::new(size_of::<GatherSettings>() as u64));
-        let read = || storage_buffer_read_only_sized(false, None);
-        let write = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+        let target =
+            texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
         let (g_buffer, depth, view) = (
             texture_2d(TextureSampleType::Uint),
             texture_depth_2d(),
@@ -98,88 +111,59 @@ impl FromWorld for GatherPipelines {
         let compute = ShaderStages::COMPUTE;
         let without_sky = BindGroupLayoutEntries::sequential(
             compute,
-            (g_buffer, depth, view, vpls, settings, read(), write),
+            (g_buffer, depth, view, vpls, settings, read(), target),
         );
         let with_sky = BindGroupLayoutEntries::sequential(
             compute,
-            (g_buffer, depth, view, vpls, settings, read(), write, sky, read()),
+            (g_buffer, depth, view, vpls, settings, read(), target, sky, read()),
         );
-        let mut pipelines = Self {
-            layouts: [
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/gather", &without_sky),
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/gather/sky", &with_sky),
-            ],
-            shader: load_embedded_asset!(world, "gather.wgsl"),
-            pipelines: default(),
+        let shader = load_embedded_asset!(world, "gather.wgsl");
+        let kernel = |label, entries: &[BindGroupLayoutEntry]| {
+            Kernel::new(label, "gather_vpls", &shader, entries)
         };
-        let cache = world.resource::<PipelineCache>();
+        let traced = |kernel: Kernel| kernel.with_group(OccluderBuffers::layout());
+        let mut kernels = Self([
+            kernel("bevy_frugal_gi/gather", &without_sky),
+            traced(kernel("bevy_frugal_gi/gather", &without_sky)),
+            traced(kernel("bevy_frugal_gi/gather/sky", &with_sky)),
+        ]);
         for visibility in GiVisibility::ALL {
-            pipelines.queue(cache, GatherKind { visibility, has_sky: false, has_masks: false });
+            let kind = GatherKind { visibility, has_sky: false, has_masks: false };
+            kernels.queue(world.resource(), kind);
         }
-        pipelines
+        kernels
     }
 }
 
-impl GatherPipelines {
-    /// The pipeline of a kind, queued if it was not before.
-    pub(super) fn queue(
-        &mut self,
-        cache: &PipelineCache,
-        kind: GatherKind,
-    ) -> CachedComputePipelineId {
-        let Self { layouts, shader, pipelines } = self;
-        let GatherKind { visibility, has_sky, has_masks } = kind;
-        *pipelines.entry(kind).or_insert_with(|| {
-            let mut layout = vec![layouts[usize::from(has_sky)].clone()];
-            let mut shader_defs = Vec::new();
-            let mut label = format!("bevy_frugal_gi/gather/{visibility:?}");
-            if visibility.rays() > 0 {
-                layout.push(OccluderBuffers::layout());
-                shader_defs.push(ShaderDefVal::UInt("RAYS".into(), visibility.rays()));
-            }
-            if has_sky {
-                shader_defs.push(ShaderDefVal::UInt("SKY_RAYS".into(), visibility.sky_rays()));
-                label += "/sky";
-            }
-            if has_masks {
-                shader_defs.push("MASKS".into());
-                label += "/masks";
-            }
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some(label.into()),
-                layout,
-                shader: shader.clone(),
-                shader_defs,
-                entry_point: Some("gather_vpls".into()),
-                ..default()
-            })
-        })
+impl GatherKernels {
+    fn queue(&mut self, cache: &PipelineCache, kind: GatherKind) {
+        self.0[kind.kernel()].queue(cache, kind.definitions());
     }
 
     /// The pipeline of a kind, if it is compiled; until then, the one that treats all triangles as
     /// solid.
     fn get<'a>(&self, cache: &'a PipelineCache, kind: GatherKind) -> Option<&'a ComputePipeline> {
-        let compiled = |kind| cache.get_compute_pipeline(*self.pipelines.get(&kind)?);
+        let compiled = |kind: GatherKind| self.0[kind.kernel()].get(cache, &kind.definitions());
         compiled(kind).or_else(|| compiled(GatherKind { has_masks: false, ..kind }))
     }
 }
 
 /// Queues the pipelines that gather a sky, and keeps a sky inactive until its own is compiled.
 fn prepare_sky_pipelines(
-    mut pipelines: ResMut<GatherPipelines>,
+    mut kernels: ResMut<GatherKernels>,
     cache: Res<PipelineCache>,
     mut skies: Query<(&FrugalGi, &mut SkyCamera)>,
 ) {
     for (gi, mut sky) in &mut skies {
         let kind = GatherKind { visibility: gi.visibility, has_sky: true, has_masks: false };
-        let pipeline = pipelines.queue(&cache, kind);
-        sky.is_active &= cache.get_compute_pipeline(pipeline).is_some();
+        kernels.queue(&cache, kind);
+        sky.is_active &= kernels.get(&cache, kind).is_some();
     }
 }
 
 /// Queues the pipelines that test alpha masks, where there are any.
 fn prepare_masked_pipelines(
-    mut pipelines: ResMut<GatherPipelines>,
+    mut kernels: ResMut<GatherKernels>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     cameras: Query<(&FrugalGi, Has<SkyCamera>)>,
@@ -190,8 +174,8 @@ fn prepare_masked_pipelines(
     for (gi, has_sky) in cameras.iter().filter(|(gi, _)| gi.traces()) {
         // The sky may be inactive.
         for has_sky in [false, has_sky] {
-            pipelines
-                .queue(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });
+            let kind = GatherKind { visibility: gi.visibility, has_sky, has_masks: true };
+            kernels.queue(&cache, kind);
         }
     }
 }
@@ -206,7 +190,7 @@ pub(super) fn gather(
         &ViewUniformOffset,
         Option<&SkyCamera>,
     )>,
-    pipelines: Res<GatherPipelines>,
+    kernels: Res<GatherKernels>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
@@ -224,7 +208,7 @@ pub(super) fn gather(
         has_masks: is_traced && occluders.are_masked(),
     };
     let (Some(camera), Some(pipeline)) =
-        (CameraInputs::new(prepass, &view_uniforms), pipelines.get(&cache, kind))
+        (CameraInputs::new(prepass, &view_uniforms), kernels.get(&cache, kind))
     else {
         return;
     };
@@ -245,8 +229,7 @@ pub(super) fn gather(
         )),
         None => entries,
     };
-    let layout = &pipelines.layouts[usize::from(sky.is_some())];
-    let bind_group = bind_group(&context, &cache, layout, &entries);
+    let bind_group = kernels.0[kind.kernel()].bind(&context, &cache, &entries);
     let size = gather.irradiance.texture.size();
     compute_pass(&mut context, "bevy_frugal_gi/gather", &[], |pass| {
         pass.set_pipeline(pipeline);
@@ -255,7 +238,7 @@ pub(super) fn gather(
         }
         let across = 8 * vpl.plan.interleave;
         for set in 0..vpl.plan.sets {
-            let settings = set * settings::SETTINGS_STRIDE as u32;
+            let settings = set * view::SETTINGS_STRIDE as u32;
             let offsets =
                 [view_offset.offset, vpl.plan.offset(set), settings, set * SET_BYTES as u32];
             pass.set_bind_group(0, &bind_group, &offsets[..if sky.is_some() { 4 } else { 3 }]);

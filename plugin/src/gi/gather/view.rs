@@ -5,11 +5,15 @@ use bevy::math::UVec2;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::CachedTexture;
+use bytemuck::{Pod, Zeroable};
 
-use super::settings::{GatherSettings, settings_bytes};
+use crate::gi::compute::filled_buffer;
 use crate::gi::settings::GiPixelFraction;
 use crate::gi::view::GiView;
-use crate::gi::vpl::VplView;
+use crate::gi::vpl::{VplPlan, VplView};
+
+/// Label of irradiance textures.
+const IRRADIANCE: &str = "bevy_frugal_gi/gather/irradiance";
 
 /// The irradiance of a GI camera. In the render world.
 #[derive(Component)]
@@ -17,23 +21,75 @@ pub(in crate::gi) struct GatherView {
     /// Irradiance of each low-resolution pixel: as gathered, and then denoised where there is a
     /// filter.
     pub irradiance: CachedTexture,
-    /// The irradiance of the last frame, if it had another resolution.
-    pub replaced: Option<CachedTexture>,
+    /// That of the frame before, of views that filter. It may have another resolution.
+    pub previous: Option<CachedTexture>,
     settings: Buffer,
     /// The number of sets and the pixel fraction that `settings` is for.
     made_for: (u32, GiPixelFraction),
 }
 
 impl GatherView {
+    fn new(device: &RenderDevice, view: &GiView, plan: &VplPlan) -> Self {
+        let fraction = view.gi.pixel_fraction;
+        Self {
+            irradiance: irradiance_texture(device, IRRADIANCE, view.cells()),
+            previous: None,
+            settings: settings_buffer(device, plan, fraction),
+            made_for: (plan.sets, fraction),
+        }
+    }
+
     /// The settings of the first set, to which a dynamic offset may be added.
     pub(crate) fn first_settings(&self) -> BindingResource<'_> {
         super::first_of(&self.settings, size_of::<GatherSettings>() as u64)
     }
 
+    /// Makes the irradiance [`previous`](Self::previous), and the other texture the one to gather
+    /// into.
+    pub(crate) fn swap(&mut self, device: &RenderDevice, cells: UVec2) {
+        let other = self.previous.take().filter(|texture| texture_size(texture) == cells);
+        let other = other.unwrap_or_else(|| irradiance_texture(device, IRRADIANCE, cells));
+        self.previous = Some(std::mem::replace(&mut self.irradiance, other));
+    }
+
     /// Bytes held on the GPU.
     pub(crate) fn bytes(&self) -> u64 {
-        texture_bytes(&self.irradiance) + self.settings.size()
+        texture_bytes(&self.irradiance)
+            + self.previous.as_ref().map_or(0, texture_bytes)
+            + self.settings.size()
     }
+}
+
+fn settings_buffer(device: &RenderDevice, plan: &VplPlan, fraction: GiPixelFraction) -> Buffer {
+    let bytes = settings_bytes(plan, fraction);
+    filled_buffer(device, "bevy_frugal_gi/gather/settings", &bytes, BufferUsages::UNIFORM)
+}
+
+/// Bytes from one dispatch's settings to the next.
+pub(super) const SETTINGS_STRIDE: u64 = 256;
+
+/// `gather/gather.wgsl`'s `Gather`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct GatherSettings {
+    pub cell_width: u32,
+    pub cell_height: u32,
+    pub interleave_offset: [u32; 2],
+}
+
+/// The settings of every set's dispatch, each at its dynamic offset.
+fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction) -> Vec<u8> {
+    let (cell_width, cell_height) = fraction.cell();
+    let mut bytes = vec![0; plan.sets as usize * SETTINGS_STRIDE as usize];
+    for (set, chunk) in (0..).zip(bytes.chunks_exact_mut(SETTINGS_STRIDE as usize)) {
+        let settings = GatherSettings {
+            cell_width,
+            cell_height,
+            interleave_offset: plan.interleave_offset(set).to_array(),
+        };
+        chunk[..size_of::<GatherSettings>()].copy_from_slice(bytemuck::bytes_of(&settings));
+    }
+    bytes
 }
 
 /// A texture of irradiance at low resolution.
@@ -81,50 +137,31 @@ pub(in crate::gi) fn texture_bytes(texture: &CachedTexture) -> u64 {
     size.x * size.y * u64::from(texel)
 }
 
-/// Label of [`GatherView::irradiance`].
-pub(in crate::gi) const IRRADIANCE: &str = "bevy_frugal_gi/gather/irradiance";
-
 /// Gives every view its irradiance texture and its dispatches' settings.
 pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    views: Query<(Entity, &GiView, &VplView)>,
-    mut held: Query<&mut GatherView>,
-    stale: Query<Entity, (With<GatherView>, Without<GiView>)>,
+    mut views: Query<(Entity, &GiView, &VplView, Option<&mut GatherView>)>,
 ) {
-    for entity in &stale {
-        commands.entity(entity).remove::<GatherView>();
-    }
-    for (entity, view, vpl_view) in &views {
-        let fraction = view.gi.pixel_fraction;
-        let made_for = (vpl_view.plan.sets, fraction);
-        let settings = || {
-            device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some("bevy_frugal_gi/gather/settings"),
-                contents: &settings_bytes(&vpl_view.plan, fraction),
-                usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-            })
-        };
-        let Ok(mut held) = held.get_mut(entity) else {
-            commands.entity(entity).insert(GatherView {
-                irradiance: irradiance_texture(&device, IRRADIANCE, view.cells()),
-                replaced: None,
-                settings: settings(),
-                made_for,
-            });
+    for (entity, view, VplView { plan, .. }, held) in &mut views {
+        let Some(mut held) = held else {
+            commands.entity(entity).insert(GatherView::new(&device, view, plan));
             continue;
         };
-        if held.made_for.0 != made_for.0 {
-            held.settings = settings();
-        } else if held.made_for.1 != made_for.1 {
-            queue.write_buffer(&held.settings, 0, &settings_bytes(&vpl_view.plan, fraction));
+        let fraction = view.gi.pixel_fraction;
+        if held.made_for.0 != plan.sets {
+            held.settings = settings_buffer(&device, plan, fraction);
+        } else if held.made_for.1 != fraction {
+            queue.write_buffer(&held.settings, 0, &settings_bytes(plan, fraction));
         }
-        held.made_for = made_for;
-        held.replaced = None;
-        if texture_size(&held.irradiance) != view.cells() {
-            let new = irradiance_texture(&device, IRRADIANCE, view.cells());
-            held.replaced = Some(std::mem::replace(&mut held.irradiance, new));
+        held.made_for = (plan.sets, fraction);
+        // Those that filter swap textures when their history advances.
+        if !view.gi.filters() {
+            held.previous = None;
+            if texture_size(&held.irradiance) != view.cells() {
+                held.irradiance = irradiance_texture(&device, IRRADIANCE, view.cells());
+            }
         }
     }
 }

@@ -26,20 +26,20 @@ use super::RsmView;
 use crate::gi::surfaces::MeshDelta;
 use crate::gi::view::GiFrame;
 
-/// Room around a map's frustum, as a share of its diagonal. Higher values list anew less often while
+/// Padding of a map's frustum, as a share of its diagonal. Higher values list anew less often while
 /// a map moves; lower values draw fewer meshes that it does not show.
-const ROOM: f32 = 1.0 / 32.0;
+const PADDING: f32 = 1.0 / 32.0;
 
 /// What a map's list, its camera's [`VisibleEntities`], is of.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub(super) struct MapMeshes {
     /// The list has what casts shadows in it. `None`: it must be made anew.
-    room: Option<Room>,
+    padded: Option<PaddedFrustum>,
 }
 
 /// A frustum around a map's.
 #[derive(Clone, Copy, Debug)]
-struct Room {
+struct PaddedFrustum {
     frustum: Frustum,
     /// Of what the map could show when it was made: from a corner of the near plane to the opposite
     /// one of the far plane, metres.
@@ -92,17 +92,17 @@ pub(super) fn list(
     let mut drawn = FixedBitSet::new();
     for mut map in &mut maps {
         if delta.unknown || map.layers.is_changed() {
-            map.meshes.room = None;
+            map.meshes.padded = None;
         }
         let corners = || corners(map.projection, map.place);
         if map.frustum.is_changed() {
-            map.meshes.room = map.meshes.room.filter(|room| room.fits(&corners()));
+            map.meshes.padded = map.meshes.padded.filter(|padded| padded.fits(&corners()));
         }
-        let is_listed = map.meshes.room.is_some();
+        let is_listed = map.meshes.padded.is_some();
         if !is_listed && map.camera.is_active {
-            map.meshes.room = Some(Room::new(&map.frustum, &corners()));
+            map.meshes.padded = Some(PaddedFrustum::new(&map.frustum, &corners()));
         }
-        let Some(room) = map.meshes.room else { continue };
+        let Some(padded) = map.meshes.padded else { continue };
         let list = map.visible.get_mut(TypeId::of::<Mesh3d>());
         let is_in_range = |mesh| {
             ranges.as_ref().is_none_or(|ranges| ranges.entity_is_in_range_of_view(mesh, map.entity))
@@ -114,7 +114,7 @@ pub(super) fn list(
                 && (mesh.is_everywhere
                     || mesh
                         .bounds
-                        .is_none_or(|bounds| is_inside(&room.frustum, bounds, mesh.place)))
+                        .is_none_or(|bounds| is_inside(&padded.frustum, bounds, mesh.place)))
         };
         if is_listed {
             edit(list, &changed, |mesh| meshes.get(mesh).is_ok_and(|mesh| is_shown(&mesh)));
@@ -152,22 +152,22 @@ fn corners(projection: &Projection, place: &GlobalTransform) -> [Vec3A; 8] {
         .map(|corner| world_from_map.transform_point3a(corner))
 }
 
-impl Room {
+impl PaddedFrustum {
     fn new(frustum: &Frustum, corners: &[Vec3A; 8]) -> Self {
-        let mut room = Self { frustum: *frustum, diagonal: diagonal(corners) };
-        if room.diagonal.is_finite() {
-            for side in &mut room.frustum.half_spaces[..ViewFrustum::FAR_PLANE_IDX] {
-                *side = HalfSpace::new(side.normal_d() + ROOM * room.diagonal * Vec4::W);
+        let mut padded = Self { frustum: *frustum, diagonal: diagonal(corners) };
+        if padded.diagonal.is_finite() {
+            for side in &mut padded.frustum.half_spaces[..ViewFrustum::FAR_PLANE_IDX] {
+                *side = HalfSpace::new(side.normal_d() + PADDING * padded.diagonal * Vec4::W);
             }
         }
-        room
+        padded
     }
 
     /// Whether it fits around these corners: all are in it, but for its far plane, which does not
     /// count in [`is_inside`] either, and it is not much wider. False where a corner is not finite.
     fn fits(&self, corners: &[Vec3A; 8]) -> bool {
         let sides = &self.frustum.half_spaces[..ViewFrustum::FAR_PLANE_IDX];
-        diagonal(corners) >= (1.0 - 2.0 * ROOM) * self.diagonal
+        diagonal(corners) >= (1.0 - 2.0 * PADDING) * self.diagonal
             && sides.iter().all(|side| {
                 corners.iter().all(|corner| side.normal_d().dot(corner.extend(1.0)) >= 0.0)
             })

@@ -16,7 +16,7 @@ use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 use proptest::prelude::*;
 
-use super::{MapMeshes, ROOM, is_needed, list};
+use super::{MapMeshes, PADDING, is_needed, list};
 use crate::gi::rsm::RsmView;
 use crate::gi::surfaces::{MeshDelta, note_changes};
 use crate::gi::view::GiFrame;
@@ -196,7 +196,7 @@ proptest! {
                 let bounds = mesh.get::<Aabb>().expect("a box");
                 let center = mesh.get::<GlobalTransform>().expect("a place").translation() - eye;
                 let outside = center.abs().truncate().max_element() - bounds.half_extents.x - 4.0;
-                prop_assert!(mesh.contains::<NoFrustumCulling>() || outside < 2.0 * 13.9 * ROOM);
+                prop_assert!(mesh.contains::<NoFrustumCulling>() || outside < 2.0 * 13.9 * PADDING);
             }
         }
     }

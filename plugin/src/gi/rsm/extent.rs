@@ -7,7 +7,7 @@ use bevy::transform::components::{GlobalTransform, Transform};
 
 /// Centre in world space and radius of a sphere around a mesh, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct Around {
+pub(super) struct BoundingSphere {
     pub center: Vec3A,
     pub radius: f32,
 }
@@ -18,9 +18,9 @@ pub(super) fn world_box(aabb: &Aabb, transform: &GlobalTransform) -> (Vec3A, Vec
     (affine.transform_point3a(aabb.center), affine.matrix3.abs() * aabb.half_extents)
 }
 
-impl Around {
+impl BoundingSphere {
     /// The sphere around a mesh's box.
-    pub(in crate::gi) fn mesh(aabb: &Aabb, transform: &GlobalTransform) -> Self {
+    pub(super) fn mesh(aabb: &Aabb, transform: &GlobalTransform) -> Self {
         let (center, half) = world_box(aabb, transform);
         Self { center, radius: half.length() }
     }
@@ -28,20 +28,20 @@ impl Around {
 
 /// The part of the world that a map's camera can show.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) enum MapExtent {
+pub(super) enum MapExtent {
     /// All of it.
     Everything,
     /// Of a light with a position: as far as it reaches.
-    Near(Around),
+    Near(BoundingSphere),
     /// Of parallel light: from the camera's space, with half its width, and its height.
     Inside { map_from_world: Affine3A, half: Vec3A },
 }
 
 impl MapExtent {
     /// That of a camera, whose transform is global.
-    pub(in crate::gi) fn new(transform: &Transform, projection: &Projection) -> Self {
+    pub(super) fn new(transform: &Transform, projection: &Projection) -> Self {
         let found = match projection {
-            Projection::Perspective(lens) => Self::Near(Around {
+            Projection::Perspective(lens) => Self::Near(BoundingSphere {
                 center: transform.translation.into(),
                 // To the corners of the far plane.
                 radius: lens.far * (1.0 + 2.0 * (0.5 * lens.fov).tan().powi(2)).sqrt(),
@@ -67,7 +67,7 @@ impl MapExtent {
     }
 
     /// Whether something there may be in the map. True where either is not finite.
-    pub(in crate::gi) fn meets(&self, other: &Around) -> bool {
+    pub(super) fn meets(&self, other: &BoundingSphere) -> bool {
         let is_outside = match self {
             Self::Everything => false,
             Self::Near(own) => {
@@ -91,8 +91,8 @@ mod tests {
 
     use super::*;
 
-    fn at(x: f32, y: f32, z: f32) -> Around {
-        Around { center: Vec3A::new(x, y, z), radius: 1.0 }
+    fn at(x: f32, y: f32, z: f32) -> BoundingSphere {
+        BoundingSphere { center: Vec3A::new(x, y, z), radius: 1.0 }
     }
 
     #[test]
@@ -141,7 +141,7 @@ mod tests {
         let lens = PerspectiveProjection { far: 10.0, ..Default::default() };
         let extent = MapExtent::new(&Transform::IDENTITY, &lens.into());
         assert!(extent.meets(&at(f32::NAN, 0.0, 0.0)));
-        assert!(extent.meets(&Around { center: Vec3A::splat(1e9), radius: f32::INFINITY }));
-        assert!(extent.meets(&Around { center: Vec3A::splat(1e9), radius: f32::NAN }));
+        assert!(extent.meets(&BoundingSphere { center: Vec3A::splat(1e9), radius: f32::INFINITY }));
+        assert!(extent.meets(&BoundingSphere { center: Vec3A::splat(1e9), radius: f32::NAN }));
     }
 }

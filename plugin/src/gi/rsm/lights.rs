@@ -1,15 +1,16 @@
 //! The lights that bounce, and their data for the shader.
 
 use bevy::camera::primitives::{Frustum, Sphere};
+use bevy::camera::visibility::RenderLayers;
 use bevy::color::{Color, ColorToComponents};
 use bevy::ecs::prelude::*;
 use bevy::light::{DirectionalLight, PointLight, SpotLight, SunDisk};
 use bevy::math::{Quat, Vec2, Vec3};
-use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::ShaderType;
+use bevy::transform::components::GlobalTransform;
 
 /// `rsm/resolve.wgsl`'s `Light`: one map's light and its range in the store.
-#[derive(Component, ExtractComponent, ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::gi) struct RsmLight {
     /// Linear RGB: lux of parallel light, else candela.
     pub intensity: Vec3,
@@ -52,9 +53,10 @@ pub(super) enum LightShape {
 }
 
 /// A light that bounces.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct BouncingLight {
     pub entity: Entity,
+    pub layers: RenderLayers,
     pub shape: LightShape,
     /// Linear RGB, lux or candela.
     pub intensity: Vec3,
@@ -66,6 +68,9 @@ pub(super) struct BouncingLight {
     pub disk: f32,
 }
 
+/// A light's entity, component, place and render layers.
+pub(super) type Placed<'a, L> = (Entity, &'a L, &'a GlobalTransform, Option<&'a RenderLayers>);
+
 /// Factor of the importance of a light that reaches nothing in view: its light comes from there only
 /// by a further reflection.
 const OUT_OF_VIEW: f32 = 0.1;
@@ -76,50 +81,44 @@ const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
 
 impl BouncingLight {
     pub(crate) fn directional(
-        entity: Entity,
-        light: &DirectionalLight,
-        rotation: Quat,
+        (entity, light, at, layers): Placed<DirectionalLight>,
         disk: Option<&SunDisk>,
     ) -> Option<Self> {
         let intensity = linear(light.color) * light.illuminance;
         Self {
-            entity,
-            shape: LightShape::Directional,
-            intensity,
-            position: Vec3::ZERO,
-            rotation,
-            range: f32::INFINITY,
             disk: disk.map_or_else(|| SunDisk::default().angular_size, |disk| disk.angular_size),
+            position: Vec3::ZERO,
+            ..Self::new((entity, at, layers), LightShape::Directional, intensity, f32::INFINITY)
         }
         .if_valid()
     }
 
-    pub(crate) fn spot(
-        entity: Entity,
-        light: &SpotLight,
-        position: Vec3,
-        rotation: Quat,
-    ) -> Option<Self> {
+    pub(crate) fn spot((entity, light, at, layers): Placed<SpotLight>) -> Option<Self> {
         // As Bevy clamps it.
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
         let shape = LightShape::Spot { inner: light.inner_angle.min(outer), outer };
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self { entity, shape, intensity, position, rotation, range: light.range, disk: 0.0 }
-            .if_valid()
+        Self::new((entity, at, layers), shape, intensity, light.range).if_valid()
     }
 
-    pub(crate) fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
+    pub(crate) fn point((entity, light, at, layers): Placed<PointLight>) -> Option<Self> {
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
         Self {
-            entity,
-            shape: LightShape::Point,
-            intensity,
-            position,
             rotation: Quat::IDENTITY,
-            range: light.range,
-            disk: 0.0,
+            ..Self::new((entity, at, layers), LightShape::Point, intensity, light.range)
         }
         .if_valid()
+    }
+
+    fn new(
+        (entity, at, layers): (Entity, &GlobalTransform, Option<&RenderLayers>),
+        shape: LightShape,
+        intensity: Vec3,
+        range: f32,
+    ) -> Self {
+        let (position, rotation) = (at.translation(), at.rotation());
+        let layers = layers.cloned().unwrap_or_default();
+        Self { entity, layers, shape, intensity, position, rotation, range, disk: 0.0 }
     }
 
     /// `None` for a light of zero, negative or non-finite intensity or of a non-finite pose: it
@@ -153,8 +152,7 @@ impl BouncingLight {
     /// Texels along the edge of each of its maps when a single one has `resolution`.
     pub(crate) fn resolution(&self, resolution: u32) -> u32 {
         // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
-        // as those of a sun's near cascade. Half the size was tried: for the same errors it took
-        // four times the memory, a fifth of all that GI holds. Small resolutions are not reduced.
+        // as those of a sun's near cascade. Small resolutions are not reduced.
         if self.shape == LightShape::Point {
             (resolution / 4).max(32).min(resolution / 2).max(8)
         } else {
@@ -190,28 +188,25 @@ mod tests {
     #[test]
     fn dark_and_invalid_lights_do_not_bounce() {
         let entity = Entity::PLACEHOLDER;
-        let point = |intensity| {
-            BouncingLight::point(
-                entity,
-                &PointLight { intensity, ..Default::default() },
-                Vec3::ZERO,
-            )
-            .is_some()
+        let is_lit = |light: &PointLight, at: Vec3| {
+            let at = GlobalTransform::from_translation(at);
+            BouncingLight::point((entity, light, &at, None)).is_some()
         };
+        let point = |intensity| is_lit(&PointLight { intensity, ..Default::default() }, Vec3::ZERO);
         assert_eq!(
             [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20].map(point),
             [false, false, false, false, true, true]
         );
-        let at =
-            |position| BouncingLight::point(entity, &PointLight::default(), position).is_some();
+        let at = |position| is_lit(&PointLight::default(), position);
         assert!(!at(Vec3::NAN) && at(Vec3::splat(1e6)));
     }
 
     #[test]
     fn a_spot_is_full_inside_and_dark_outside_its_cone() {
         let light = SpotLight { inner_angle: 0.3, outer_angle: 0.6, ..Default::default() };
-        let light = BouncingLight::spot(Entity::PLACEHOLDER, &light, Vec3::ZERO, Quat::IDENTITY)
-            .expect("a lit spot");
+        let at = GlobalTransform::IDENTITY;
+        let light = BouncingLight::spot((Entity::PLACEHOLDER, &light, &at, None));
+        let light = light.expect("a lit spot");
         let (scale, offset) = light.cone();
         let attenuation = |angle: f32| (angle.cos() * scale + offset).clamp(0.0, 1.0).powi(2);
         assert!((attenuation(0.3) - 1.0).abs() < 1e-5 && attenuation(0.6) < 1e-5);

@@ -7,62 +7,48 @@ use bevy::ecs::prelude::*;
 use bevy::pbr::Transmissive3d;
 use bevy::render::extract_component::{ComponentUniforms, DynamicUniformIndex};
 use bevy::render::render_phase::{ViewBinnedRenderPhases, ViewSortedRenderPhases};
-use bevy::render::render_resource::binding_types::{
-    storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
-};
+use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, uniform_buffer};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{
     ExtractedView, ViewDepthTexture, ViewUniform, ViewUniformOffset, ViewUniforms,
 };
-use bevy::utils::default;
+use bevy::shader::ShaderDefVal;
 
 use super::RsmView;
 use super::lights::RsmLight;
-use crate::gi::compute::{bind_group, compute_pass};
+use super::map::LightMap;
+use crate::gi::compute::{Kernel, compute_pass, definitions, write};
 use crate::gi::settings::GiShading;
 use crate::gi::texels::{TexelRange, TexelStore};
 
 #[derive(Resource)]
-pub(in crate::gi) struct RsmPipelines {
-    layout: BindGroupLayoutDescriptor,
-    /// By whether light is parallel, and by shading.
-    resolve: [[CachedComputePipelineId; 2]; 2],
+pub(in crate::gi) struct RsmKernel(Kernel);
+
+fn variant(is_parallel: bool, shading: GiShading) -> Vec<ShaderDefVal> {
+    definitions([(is_parallel, "PARALLEL"), (shading == GiShading::Lambertian, "LAMBERTIAN")])
 }
 
-impl FromWorld for RsmPipelines {
+impl FromWorld for RsmKernel {
     fn from_world(world: &mut World) -> Self {
-        let layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/rsm/resolve",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::COMPUTE,
-                (
-                    texture_2d(TextureSampleType::Uint),
-                    texture_depth_2d(),
-                    uniform_buffer::<ViewUniform>(true),
-                    uniform_buffer::<RsmLight>(true),
-                    storage_buffer_sized(false, None),
-                ),
+        let shader = load_embedded_asset!(world, "resolve.wgsl");
+        let entries = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (
+                texture_2d(TextureSampleType::Uint),
+                texture_depth_2d(),
+                uniform_buffer::<ViewUniform>(true),
+                uniform_buffer::<RsmLight>(true),
+                write(),
             ),
         );
-        let shader = load_embedded_asset!(world, "resolve.wgsl");
-        let cache = world.resource::<PipelineCache>();
-        let queue = |shader_defs| {
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some("bevy_frugal_gi/rsm/resolve".into()),
-                layout: vec![layout.clone()],
-                shader: shader.clone(),
-                shader_defs,
-                entry_point: Some("resolve".into()),
-                ..default()
-            })
-        };
-        let by_shading = |light: Option<&str>| {
-            let kinds = [None, Some("LAMBERTIAN")];
-            kinds.map(|shading| queue(light.into_iter().chain(shading).map(Into::into).collect()))
-        };
-        let resolve = [None, Some("PARALLEL")].map(by_shading);
-        Self { resolve, layout }
+        let mut kernel = Kernel::new("bevy_frugal_gi/rsm/resolve", "resolve", &shader, &entries);
+        for is_parallel in [false, true] {
+            for shading in [GiShading::Standard, GiShading::Lambertian] {
+                kernel.queue(world.resource(), variant(is_parallel, shading));
+            }
+        }
+        Self(kernel)
     }
 }
 
@@ -94,36 +80,33 @@ pub(super) fn reserve(mut store: ResMut<TexelStore>, maps: Query<&RsmLight, With
 pub(in crate::gi) fn resolve(
     view: ViewQuery<(
         &RsmView,
-        &GiShading,
+        &LightMap,
         &DynamicUniformIndex<RsmLight>,
         &ExtractedView,
         &ViewPrepassTextures,
         &ViewDepthTexture,
         &ViewUniformOffset,
     )>,
-    pipelines: Res<RsmPipelines>,
+    kernel: Res<RsmKernel>,
     store: Res<TexelStore>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     lights: Res<ComponentUniforms<RsmLight>>,
     mut context: RenderContext,
 ) {
-    let (map, shading, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
-    let resolve = pipelines.resolve[usize::from(map.camera.is_some())]
-        [usize::from(*shading == GiShading::Lambertian)];
+    let (rsm, map, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
     let (Some(texels), Some(g_buffer), Some(views), Some(lights), Some(resolve)) = (
         &store.texels,
         prepass.deferred_view(),
         view_uniforms.uniforms.binding(),
         lights.uniforms().binding(),
-        cache.get_compute_pipeline(resolve),
+        kernel.0.get(&cache, &variant(rsm.camera.is_some(), map.shading)),
     ) else {
         return;
     };
-    let bind_group = bind_group(
+    let bind_group = kernel.0.bind(
         &context,
         &cache,
-        &pipelines.layout,
         &BindGroupEntries::sequential((
             g_buffer,
             depth.view(),

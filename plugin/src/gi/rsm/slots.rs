@@ -1,12 +1,64 @@
-//! Ranges of the store: a map keeps its texels in place while other maps come and go.
+//! Room for maps' texels: how many the device can hold, and where each map's lie in the store.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use bevy::ecs::prelude::*;
+use bevy::log::warn_once;
+use bevy::render::renderer::RenderDevice;
+use bevy::render::settings::WgpuLimits;
 
 use super::RsmView;
 use super::specs::MapSpec;
+use crate::gi::compute::{largest_storage_buffer, limits_of};
+use crate::gi::texels::TEXEL_BYTES;
+
+/// Rows and texels that emissive surfaces and patches may need besides maps.
+const OTHER_ROWS: u64 = 4096;
+const OTHER_TEXELS: u64 = 32_768;
+
+/// Texels, and rows of them, that the device can still take. A row of a map is a row of workgroups,
+/// and all texels of the app are one storage buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct MapCapacity {
+    rows: u64,
+    texels: u64,
+}
+
+impl MapCapacity {
+    /// That of a device; see [`limits_of`].
+    pub(super) fn new(device: Option<&RenderDevice>) -> Self {
+        Self::with(&limits_of(device))
+    }
+
+    fn with(limits: &WgpuLimits) -> Self {
+        Self {
+            rows: u64::from(limits.max_compute_workgroups_per_dimension).saturating_sub(OTHER_ROWS),
+            texels: (largest_storage_buffer(limits) / TEXEL_BYTES).saturating_sub(OTHER_TEXELS),
+        }
+    }
+
+    /// Texels that the device can still take.
+    pub(super) fn texels(&self) -> u64 {
+        self.texels
+    }
+
+    /// Reserves maps of `resolution` texels along their edges, if all of them fit;
+    /// warns once if not.
+    pub(super) fn take(&mut self, maps: usize, resolution: u32) -> bool {
+        let rows = maps as u64 * u64::from(resolution);
+        let texels = rows * u64::from(resolution);
+        let fits = rows <= self.rows && texels <= self.texels;
+        if fits {
+            (self.rows, self.texels) = (self.rows - rows, self.texels - texels);
+        } else {
+            warn_once!(
+                "the reflective shadow maps of all lights exceed this GPU's limits: the least important lights do not bounce (lower FrugalGi::rsm_resolution or GiLimits::max_rsm_count)"
+            );
+        }
+        fits
+    }
+}
 
 /// Order of maps that does not depend on the iteration of entities.
 pub(in crate::gi) type MapKey = (Entity, Option<Entity>, u8);
@@ -29,7 +81,7 @@ impl MapSlots {
     pub(super) fn lay_out(&mut self, maps: &mut [MapSpec], most: u64) {
         maps.sort_by_key(|map| map.view.key());
         let texels: BTreeMap<MapKey, u32> =
-            maps.iter().map(|map| (map.view.key(), map.resolution.pow(2))).collect();
+            maps.iter().map(|map| (map.view.key(), map.map.light.resolution.pow(2))).collect();
         self.0.retain(|key, range| texels.get(key) == Some(&(range.end - range.start)));
         self.fill(&texels);
         let used: u64 = texels.values().map(|texels| u64::from(*texels)).sum();
@@ -39,8 +91,7 @@ impl MapSlots {
             self.fill(&texels);
         }
         for map in maps {
-            map.light.texel_offset = self.0[&map.view.key()].start;
-            map.light.resolution = map.resolution;
+            map.map.light.texel_offset = self.0[&map.view.key()].start;
         }
     }
 
@@ -75,6 +126,24 @@ impl MapSlots {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn maps_that_fit_are_taken_and_others_are_not() {
+        let mut capacity = MapCapacity::with(&WgpuLimits::default());
+        // 128 MiB are 4 M texels.
+        assert!(!capacity.take(1, 2048), "with the texels of other sources it is too large");
+        assert!(capacity.take(3, 1024) && !capacity.take(1, 1024) && capacity.take(1, 512));
+        // 65,535 rows of workgroups.
+        let large = WgpuLimits {
+            max_storage_buffer_binding_size: u64::MAX,
+            max_buffer_size: u64::MAX,
+            ..Default::default()
+        };
+        let mut capacity = MapCapacity::with(&large);
+        assert!(capacity.take(29, 2048) && !capacity.take(1, 2048) && capacity.take(1, 1024));
+        let none = WgpuLimits { max_storage_buffer_binding_size: 0, ..Default::default() };
+        assert!(!MapCapacity::with(&none).take(1, 16) && MapCapacity::with(&none).take(0, 16));
+    }
 
     fn key(light: u32, face: u8) -> MapKey {
         // Entities are ordered from the last to the first.

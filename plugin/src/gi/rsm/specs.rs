@@ -8,37 +8,34 @@ use bevy::ecs::prelude::*;
 use bevy::math::{Mat3, Quat, Vec3};
 use bevy::transform::components::Transform;
 
+use super::RsmView;
 use super::air::Air;
-use super::capacity::MapCapacity;
 use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
+use super::map::{LightMap, MapAge};
 use super::region::{LightRegion, cover, near};
 use super::selection::{Candidate, LightSelection};
-use super::{MapLayers, MapWeight, RsmView};
+use super::slots::MapCapacity;
 use crate::gi::settings::GiShading;
 use crate::gi::texels::CascadeCut;
 
 /// Maps render before every camera that an app orders; each has its own order.
 const FIRST_ORDER: isize = isize::MIN / 2;
 
-/// A map that should exist in this frame.
+/// A map that should exist in this frame. Until [`MapSlots`](super::slots::MapSlots) lays it out, it
+/// has no place in the store.
 pub(super) struct MapSpec {
     pub view: RsmView,
-    pub resolution: u32,
     pub transform: Transform,
     pub projection: Projection,
-    pub light: RsmLight,
-    pub cut: CascadeCut,
-    pub shading: GiShading,
-    pub layers: MapLayers,
-    pub weight: MapWeight,
+    pub map: LightMap,
 }
 
 impl MapSpec {
     /// Unique, as offsets in the store are: cameras of equal order and target are ambiguous to
     /// Bevy.
     pub(super) fn order(&self) -> isize {
-        FIRST_ORDER + self.light.texel_offset as isize
+        FIRST_ORDER + self.map.light.texel_offset as isize
     }
 }
 
@@ -56,7 +53,7 @@ pub(super) struct Viewer<'a> {
 /// The maps of the most important lights, up to `most` maps, as far as the device has capacity.
 /// `seconds` since the last frame.
 pub(super) fn choose(
-    lights: &[(BouncingLight, MapLayers)],
+    lights: &[BouncingLight],
     viewers: &[Viewer],
     scene: (Vec3, Vec3),
     selection: &mut LightSelection,
@@ -69,73 +66,65 @@ pub(super) fn choose(
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
     let mut maps = EntityHashMap::default();
     let mut candidates = Vec::new();
-    for (light, layers) in lights {
-        let importance = lit(viewers, layers)
+    for light in lights {
+        // The cameras that it lights, as Bevy's: those with which it shares a layer.
+        let lit = || viewers.iter().filter(|viewer| viewer.layers.intersects(&light.layers));
+        let importance = lit()
             .map(|viewer| light.importance(viewer.focus.position, &viewer.frustum))
             .max_by(f32::total_cmp);
         let Some(importance) = importance else { continue };
         let specs: Vec<MapSpec> = match light.shape {
-            LightShape::Directional => lit(viewers, layers)
-                .flat_map(|viewer| parallel_maps(light, viewer, scene, layers))
-                .collect(),
+            LightShape::Directional => {
+                lit().flat_map(|viewer| parallel_maps(light, importance, viewer, scene)).collect()
+            }
             _ => (0..light.faces())
-                .map(|face| perspective_map(light, face, finest, shading, layers))
+                .map(|face| perspective_map(light, importance, face, finest, shading))
                 .collect(),
         };
         candidates.push(Candidate { light: light.entity, importance, maps: specs.len() });
-        maps.insert(light.entity, (importance, specs));
+        maps.insert(light.entity, specs);
     }
     let chosen = selection.next(&candidates, most, seconds, |candidate| {
-        let maps = &maps[&candidate.light].1;
-        let largest = maps.iter().map(|map| map.resolution).max().unwrap_or(0);
+        let maps = &maps[&candidate.light];
+        let largest = maps.iter().map(|spec| spec.map.light.resolution).max().unwrap_or(0);
         capacity.take(maps.len(), largest)
     });
     let mut specs = Vec::new();
     for (light, share) in chosen {
-        let Some((importance, mut maps)) = maps.remove(&light) else { continue };
-        for map in &mut maps {
-            map.weight = MapWeight { importance, share };
-        }
-        specs.append(&mut maps);
+        let maps = maps.remove(&light).unwrap_or_default();
+        specs.extend(maps.into_iter().map(|mut spec| {
+            spec.map.share = share;
+            spec
+        }));
     }
     specs
-}
-
-/// The cameras that a light lights, as Bevy's: those with which it shares a layer.
-fn lit<'a>(
-    viewers: &'a [Viewer<'a>],
-    layers: &'a MapLayers,
-) -> impl Iterator<Item = &'a Viewer<'a>> {
-    viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0))
 }
 
 /// One map where the scene is small; else a far and a near cascade of about as many texels
 /// together.
 ///
-/// A map of a whole level is mostly ground that lights nothing in the image. For a hall of 17 m in
-/// the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on sunlit surfaces
-/// inside, 21 cm each, and the hall's light was 5 % too low.
+/// A map of a whole level is mostly ground that lights nothing in the image.
 fn parallel_maps(
     light: &BouncingLight,
+    importance: f32,
     viewer: &Viewer,
     scene: (Vec3, Vec3),
-    layers: &MapLayers,
 ) -> Vec<MapSpec> {
     let rotation = Mat3::from_quat(light.rotation);
     let shared = shared_resolution(viewer.resolution);
     let Focus { position, range } = viewer.focus;
     let far = cover(scene, rotation, position, range, shared);
-    if let Some((near, cut)) = near(&far, rotation, position, range, shared) {
-        let maps = [(far, cut), (near, CascadeCut::default())];
-        return (0..)
-            .zip(maps)
-            .map(|(face, (region, cut))| {
-                parallel_map(light, viewer, face, shared, region, cut, layers)
-            })
-            .collect();
-    }
-    let whole = cover(scene, rotation, position, range, viewer.resolution);
-    vec![parallel_map(light, viewer, 0, viewer.resolution, whole, CascadeCut::default(), layers)]
+    let (resolution, maps) = match near(&far, rotation, position, range, shared) {
+        Some((near, cut)) => (shared, vec![(far, cut), (near, CascadeCut::default())]),
+        None => {
+            let whole = cover(scene, rotation, position, range, viewer.resolution);
+            (viewer.resolution, vec![(whole, CascadeCut::default())])
+        }
+    };
+    let map = |(face, (region, cut))| {
+        parallel_map(light, importance, viewer, (face, resolution), region, cut)
+    };
+    (0..).zip(maps).map(map).collect()
 }
 
 /// Texels along the side of each of two cascades that replace one map of `resolution`.
@@ -145,18 +134,16 @@ fn shared_resolution(resolution: u32) -> u32 {
 
 fn parallel_map(
     light: &BouncingLight,
+    importance: f32,
     viewer: &Viewer,
-    face: u8,
-    resolution: u32,
+    (face, resolution): (u8, u32),
     region: LightRegion,
     cut: CascadeCut,
-    layers: &MapLayers,
 ) -> MapSpec {
     let direction = light.rotation * Vec3::NEG_Z;
     let arriving = viewer.air.map_or(Vec3::ONE, |air| air.sunlight(-direction, light.disk));
     MapSpec {
         view: RsmView { light: light.entity, camera: Some(viewer.entity), face },
-        resolution,
         transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
         projection: Projection::Orthographic(OrthographicProjection {
             near: 0.0,
@@ -164,28 +151,33 @@ fn parallel_map(
             scaling_mode: ScalingMode::Fixed { width: region.size.x, height: region.size.y },
             ..OrthographicProjection::default_3d()
         }),
-        light: RsmLight {
-            intensity: light.intensity * arriving,
-            texel_area_or_solid_angle: region.size.x * region.size.y
-                / (resolution * resolution) as f32,
-            direction,
-            cone_offset: 1.0,
-            fade: region.fade,
-            ..Default::default()
+        map: LightMap {
+            light: RsmLight {
+                intensity: light.intensity * arriving,
+                texel_area_or_solid_angle: region.size.x * region.size.y
+                    / (resolution * resolution) as f32,
+                direction,
+                cone_offset: 1.0,
+                resolution,
+                fade: region.fade,
+                ..Default::default()
+            },
+            cut,
+            shading: viewer.shading,
+            layers: light.layers.clone(),
+            importance,
+            share: 1.0,
+            age: MapAge::NEW,
         },
-        cut,
-        shading: viewer.shading,
-        layers: layers.clone(),
-        weight: MapWeight::default(),
     }
 }
 
 fn perspective_map(
     light: &BouncingLight,
+    importance: f32,
     face: u8,
     resolution: u32,
     shading: GiShading,
-    layers: &MapLayers,
 ) -> MapSpec {
     let half_angle = match light.shape {
         LightShape::Spot { outer, .. } => outer,
@@ -197,7 +189,6 @@ fn perspective_map(
     let (cone_scale, cone_offset) = light.cone();
     MapSpec {
         view: RsmView { light: light.entity, camera: None, face },
-        resolution,
         transform: Transform::from_translation(light.position).with_rotation(rotation),
         projection: Projection::Perspective(PerspectiveProjection {
             fov: 2.0 * half_angle,
@@ -208,20 +199,25 @@ fn perspective_map(
             far: light.range,
             ..Default::default()
         }),
-        light: RsmLight {
-            intensity: light.intensity,
-            texel_area_or_solid_angle: edge * edge,
-            position: light.position,
-            inverse_range_squared: light.inverse_range_squared(),
-            direction: light.rotation * Vec3::NEG_Z,
-            cone_scale,
-            cone_offset,
-            ..Default::default()
+        map: LightMap {
+            light: RsmLight {
+                intensity: light.intensity,
+                texel_area_or_solid_angle: edge * edge,
+                position: light.position,
+                inverse_range_squared: light.inverse_range_squared(),
+                direction: light.rotation * Vec3::NEG_Z,
+                cone_scale,
+                cone_offset,
+                resolution,
+                ..Default::default()
+            },
+            cut: CascadeCut::default(),
+            shading,
+            layers: light.layers.clone(),
+            importance,
+            share: 1.0,
+            age: MapAge::NEW,
         },
-        cut: CascadeCut::default(),
-        shading,
-        layers: layers.clone(),
-        weight: MapWeight::default(),
     }
 }
 

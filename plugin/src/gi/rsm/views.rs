@@ -21,39 +21,49 @@ use bevy::render::view::Msaa;
 use bevy::time::{Real, Time};
 use bevy::transform::components::{GlobalTransform, Transform};
 
+use super::RsmView;
 use super::air::Atmospheres;
-use super::capacity::MapCapacity;
 use super::drawn::MapMeshes;
 use super::focus::Focus;
-use super::lights::{BouncingLight, RsmLight};
+use super::lights::{BouncingLight, Placed};
+use super::map::{LightMap, MapAge};
 use super::scene_box::SceneBox;
 use super::selection::LightSelection;
-use super::slots::MapSlots;
+use super::slots::{MapCapacity, MapSlots};
 use super::specs::{MapSpec, Viewer, choose};
-use super::{MapAge, MapLayers, MapWeight, RsmView};
-use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
-use crate::gi::texels::CascadeCut;
+use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::view::{CameraCut, LightPresence};
 
-/// Changes of maps in this frame.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::gi) struct MapDelta {
-    /// A map went, or its light fades: texels that need not be rendered count differently.
-    pub reweighted: bool,
-}
+/// Whether a map went in this frame, or a light fades: texels that need not be rendered count
+/// differently.
+#[derive(Resource, Default)]
+pub(super) struct MapsReweighted(pub bool);
 
 type Lit<L> = (
     Entity,
     &'static L,
     &'static GlobalTransform,
-    &'static InheritedVisibility,
     Option<&'static RenderLayers>,
+    &'static InheritedVisibility,
 );
+
+/// A light, if it is visible.
+fn shown<'a, L>(
+    (entity, light, at, layers, visible): (
+        Entity,
+        &'a L,
+        &'a GlobalTransform,
+        Option<&'a RenderLayers>,
+        &InheritedVisibility,
+    ),
+) -> Option<Placed<'a, L>> {
+    visible.get().then_some((entity, light, at, layers))
+}
 
 pub(super) fn maintain(
     mut commands: Commands,
-    (mut delta, mut selection, mut slots, mut presence): (
-        ResMut<MapDelta>,
+    (mut reweighted, mut selection, mut slots, mut presence): (
+        ResMut<MapsReweighted>,
         ResMut<LightSelection>,
         ResMut<MapSlots>,
         ResMut<LightPresence>,
@@ -98,25 +108,11 @@ pub(super) fn maintain(
     let most_texels = capacity.texels();
     let mut specs = Vec::new();
     if let (Some(scene), false) = (scene.0, viewers.is_empty()) {
-        let layers = |layers: Option<&RenderLayers>| MapLayers(layers.cloned().unwrap_or_default());
-        let mut lights: Vec<(BouncingLight, MapLayers)> = Vec::new();
-        lights.extend(suns.iter().filter(|((_, _, _, visible, _), _)| visible.get()).filter_map(
-            |((entity, light, at, _, mask), disk)| {
-                let sun = BouncingLight::directional(entity, light, at.rotation(), disk);
-                Some((sun?, layers(mask)))
-            },
-        ));
-        lights.extend(spots.iter().filter(|(_, _, _, visible, _)| visible.get()).filter_map(
-            |(entity, light, at, _, mask)| {
-                let (position, rotation) = (at.translation(), at.rotation());
-                Some((BouncingLight::spot(entity, light, position, rotation)?, layers(mask)))
-            },
-        ));
-        lights.extend(points.iter().filter(|(_, _, _, visible, _)| visible.get()).filter_map(
-            |(entity, light, at, _, mask)| {
-                Some((BouncingLight::point(entity, light, at.translation())?, layers(mask)))
-            },
-        ));
+        let suns =
+            suns.iter().filter_map(|(light, disk)| BouncingLight::directional(shown(light)?, disk));
+        let spots = spots.iter().filter_map(|light| BouncingLight::spot(shown(light)?));
+        let points = points.iter().filter_map(|light| BouncingLight::point(shown(light)?));
+        let lights: Vec<BouncingLight> = suns.chain(spots).chain(points).collect();
         specs = choose(
             &lights,
             &viewers,
@@ -131,15 +127,15 @@ pub(super) fn maintain(
 
     let mut missing: HashMap<RsmView, MapSpec> =
         specs.into_iter().map(|spec| (spec.view, spec)).collect();
-    *delta = MapDelta::default();
+    reweighted.0 = false;
     for map in &mut maps {
         match missing.remove(map.view) {
             Some(spec) => {
-                delta.reweighted |= map.weight.share != spec.weight.share;
+                reweighted.0 |= map.map.share != spec.map.share;
                 map.update(spec);
             }
             None => {
-                delta.reweighted = true;
+                reweighted.0 = true;
                 commands.entity(map.entity).despawn();
             }
         }
@@ -155,58 +151,54 @@ pub(super) fn maintain(
 pub(super) struct Map {
     entity: Entity,
     view: &'static RsmView,
+    map: &'static mut LightMap,
     camera: &'static mut Camera,
     target: &'static mut RenderTarget,
     projection: &'static mut Projection,
     transform: &'static mut GlobalTransform,
-    light: &'static mut RsmLight,
-    cut: &'static mut CascadeCut,
-    shading: &'static mut GiShading,
-    layers: &'static mut MapLayers,
-    weight: &'static mut MapWeight,
-    age: &'static mut MapAge,
     drawn_layers: &'static mut RenderLayers,
 }
 
 impl MapItem<'_, '_> {
     /// Applies the differences from `spec`.
     fn update(mut self, spec: MapSpec) {
-        let slot = |light: &RsmLight| (light.texel_offset, light.resolution);
-        let is_elsewhere = slot(&self.light) != slot(&spec.light);
-        let mut moved = is_elsewhere;
         // Until it is decided that the map is due.
         if self.camera.is_active {
             self.camera.is_active = false;
         }
-        let size = UVec2::splat(spec.resolution);
+        let order = spec.order();
+        if self.camera.order != order {
+            self.camera.order = order;
+        }
+        let size = UVec2::splat(spec.map.light.resolution);
         let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
         if resized {
             *self.target = RenderTarget::None { size };
         }
-        if self.camera.order != spec.order() {
-            self.camera.order = spec.order();
-        }
         // Bevy checks a target without texture only when the projection is marked as changed.
-        if resized || !same_projection(&self.projection, &spec.projection) {
+        let reprojected = resized || !same_projection(&self.projection, &spec.projection);
+        if reprojected {
             *self.projection = spec.projection;
             measure(&mut self.camera, &mut self.projection, size);
-            moved = true;
         }
-        moved |= self.transform.set_if_neq(spec.transform.into());
-        self.drawn_layers.set_if_neq(spec.layers.0.clone());
-        moved |= self.layers.set_if_neq(spec.layers);
-        moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
+        let moved = self.transform.set_if_neq(spec.transform.into());
+        self.drawn_layers.set_if_neq(spec.map.layers.clone());
+        let (before, now) = (&*self.map, spec.map);
+        let shows = |map: &LightMap| (map.light, map.shading, map.layers.clone());
+        let place = |map: &LightMap| (map.light.texel_offset, map.light.resolution);
+        let is_elsewhere = place(before) != place(&now);
         // The cut moves texels from one cascade to the other, so both must be rendered in this
         // frame.
-        let is_cut = self.cut.set_if_neq(spec.cut);
-        self.weight.set_if_neq(spec.weight);
-        let age = *self.age;
-        self.age.set_if_neq(MapAge {
-            stale: if moved || is_cut { age.stale.max(1) } else { age.stale },
-            filled: age.filled && !is_elsewhere,
+        let is_cut = before.cut != now.cut;
+        let MapAge { stale, filled, urgent } = before.age;
+        let changed = reprojected || moved || is_cut || shows(before) != shows(&now);
+        let age = MapAge {
+            stale: if changed { stale.max(1) } else { stale },
+            filled: filled && !is_elsewhere,
             // A map that was there must not leave its light out for a while.
-            urgent: age.urgent || is_cut || is_elsewhere && age.filled,
-        });
+            urgent: urgent || is_cut || is_elsewhere && filled,
+        };
+        *self.map = LightMap { age, ..now };
     }
 }
 
@@ -237,16 +229,14 @@ fn spawn(commands: &mut Commands, mut spec: MapSpec) {
     let depth_texture_usages =
         (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
     let order = spec.order();
-    let size = UVec2::splat(spec.resolution);
+    let size = UVec2::splat(spec.map.light.resolution);
     let mut camera = Camera { order, is_active: false, ..Default::default() };
     measure(&mut camera, &mut spec.projection, size);
     let mut camera = commands.spawn((
         spec.view,
         // Meshes of these layers cast the light's shadows, and reflect its light.
-        spec.layers.0.clone(),
-        spec.light,
-        spec.cut,
-        spec.shading,
+        spec.map.layers.clone(),
+        spec.map,
         Camera3d { depth_texture_usages, ..Default::default() },
         camera,
         RenderTarget::None { size },
@@ -256,9 +246,7 @@ fn spawn(commands: &mut Commands, mut spec: MapSpec) {
         DeferredPrepass,
         spec.projection,
         GlobalTransform::from(spec.transform),
-        (spec.layers, spec.weight, MapMeshes::default()),
-        // Until it is rendered.
-        MapAge { stale: 1, ..Default::default() },
+        MapMeshes::default(),
     ));
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
     // same flush as the spawn: the render world must never have seen them.

@@ -10,7 +10,8 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
 use bytemuck::{Pod, Zeroable};
 
-use super::pass::SkyPipelines;
+use super::kernels::SkyKernels;
+use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::FrugalGi;
 use crate::gi::view::{GiView, SkySource};
 
@@ -98,10 +99,37 @@ impl SkyCamera {
 
     /// Bytes held on the GPU for this camera's sky.
     pub(crate) fn bytes(&self) -> u64 {
-        [&self.plan_buffer, &self.samples, &self.strata, &self.importance, &self.reading_buffer]
-            .map(|buffer| buffer.size())
-            .iter()
-            .sum()
+        let Self { plan_buffer, samples, strata, importance, reading_buffer, .. } = self;
+        bytes_of([plan_buffer, samples, strata, importance, reading_buffer])
+    }
+
+    fn new(
+        device: &RenderDevice,
+        plan: SkyPlan,
+        reading: (TextureId, SkyReading),
+        is_generated: bool,
+        is_active: bool,
+    ) -> Self {
+        let storage = BufferUsages::STORAGE;
+        let filled = |label, contents: &[u8]| filled_buffer(device, label, contents, storage);
+        let empty = |label, size, usage| {
+            empty_buffer(device, label, size, storage | usage | BufferUsages::COPY_SRC)
+        };
+        let (sets, strata) = (u64::from(plan.sets), u64::from(STRATA));
+        let (none, uniform) = (BufferUsages::empty(), BufferUsages::UNIFORM);
+        Self {
+            plan,
+            sequence: 0,
+            plan_buffer: filled("bevy_frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
+            samples: empty("bevy_frugal_gi/sky/samples", sets * SET_BYTES, uniform),
+            strata: empty("bevy_frugal_gi/sky/strata", strata * SKY_LIGHT_BYTES, none),
+            importance: empty("bevy_frugal_gi/sky/importance", strata * 4, none),
+            reading_buffer: filled("bevy_frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
+            reading,
+            is_filled: AtomicBool::new(false),
+            is_generated,
+            is_active,
+        }
     }
 }
 
@@ -109,94 +137,49 @@ impl SkyCamera {
 /// others.
 pub(super) fn prepare(
     mut commands: Commands,
-    mut pipelines: ResMut<SkyPipelines>,
+    mut kernels: ResMut<SkyKernels>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
     images: Res<RenderAssets<GpuImage>>,
-    cameras: Query<(Entity, &FrugalGi, &SkySource), With<ExtractedCamera>>,
-    mut held: Query<&mut SkyCamera>,
-    stale: Query<
-        Entity,
-        (With<SkyCamera>, Or<(Without<FrugalGi>, Without<SkySource>, Without<ExtractedCamera>)>),
+    mut cameras: Query<
+        (Entity, Option<(&FrugalGi, &SkySource, &ExtractedCamera)>, Option<&mut SkyCamera>),
+        Or<(With<FrugalGi>, With<SkyCamera>)>,
     >,
 ) {
-    for entity in &stale {
-        commands.entity(entity).remove::<SkyCamera>();
-    }
-    for (entity, gi, source) in &cameras {
-        let samples = gi.environment_samples.min(FrugalGi::MAX_ENVIRONMENT_SAMPLES);
-        let is_lit =
-            source.intensity > 0.0 && source.intensity.is_finite() && source.rotation.is_finite();
-        let image = images.get(source.specular).filter(|_| {
-            samples > 0 && gi.traces() && is_lit && images.get(source.diffuse).is_some()
+    for (entity, camera, held) in &mut cameras {
+        let lit = camera.and_then(|(gi, source, _)| {
+            let samples = gi.environment_samples.min(FrugalGi::MAX_ENVIRONMENT_SAMPLES);
+            let is_lit = source.intensity > 0.0
+                && source.intensity.is_finite()
+                && source.rotation.is_finite();
+            let is_needed = samples > 0 && gi.traces() && is_lit;
+            images.get(source.diffuse).filter(|_| is_needed)?;
+            let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2), sequence: 0 };
+            Some((plan, source, images.get(source.specular)?))
         });
-        let Some(image) = image else {
-            if held.contains(entity) {
+        let Some((plan, source, image)) = lit else {
+            if held.is_some() {
                 commands.entity(entity).remove::<SkyCamera>();
             }
             continue;
         };
-        let is_active = pipelines.are_ready(&cache);
-        let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2), sequence: 0 };
+        let is_active = kernels.are_ready(&cache);
         let reading = (image.texture.id(), reading(source, image));
-        if let Ok(mut held) = held.get_mut(entity)
-            && held.plan == plan
-        {
-            held.is_active = is_active;
-            if held.reading != reading {
-                queue.write_buffer(&held.reading_buffer, 0, bytemuck::bytes_of(&reading.1));
-                held.reading = reading;
-                held.is_filled.store(false, Ordering::Relaxed);
-            }
-            held.is_generated = source.is_generated;
-            if source.is_generated {
-                held.is_filled.store(false, Ordering::Relaxed);
-            }
+        let Some(mut held) = held.filter(|held| held.plan == plan) else {
+            let sky = SkyCamera::new(&device, plan, reading, source.is_generated, is_active);
+            commands.entity(entity).insert(sky);
             continue;
+        };
+        held.is_active = is_active;
+        held.is_generated = source.is_generated;
+        if held.reading != reading {
+            queue.write_buffer(&held.reading_buffer, 0, bytemuck::bytes_of(&reading.1));
         }
-        let empty = |label, size, usage| {
-            let usage = BufferUsages::STORAGE | usage;
-            device.create_buffer(&BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let filled = |label, contents: &[u8]| {
-            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-            device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage,
-            })
-        };
-        commands.entity(entity).insert(SkyCamera {
-            plan,
-            sequence: 0,
-            plan_buffer: filled("bevy_frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
-            samples: empty(
-                "bevy_frugal_gi/sky/samples",
-                u64::from(plan.sets) * SET_BYTES,
-                BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
-            ),
-            strata: empty(
-                "bevy_frugal_gi/sky/strata",
-                u64::from(STRATA) * SKY_LIGHT_BYTES,
-                BufferUsages::COPY_SRC,
-            ),
-            importance: empty(
-                "bevy_frugal_gi/sky/importance",
-                u64::from(STRATA) * 4,
-                BufferUsages::COPY_SRC,
-            ),
-            reading_buffer: filled("bevy_frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
-            reading,
-            is_filled: AtomicBool::new(false),
-            is_generated: source.is_generated,
-            is_active,
-        });
+        if held.reading != reading || source.is_generated {
+            held.is_filled.store(false, Ordering::Relaxed);
+        }
+        held.reading = reading;
     }
 }
 

@@ -14,6 +14,7 @@
 
 mod ambient;
 mod camera;
+mod kernels;
 mod pass;
 
 use bevy::app::{App, Plugin};
@@ -43,7 +44,7 @@ impl Plugin for SkyPlugin {
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<pass::SkyPipelines>()
+            .init_gpu_resource::<kernels::SkyKernels>()
             .init_gpu_resource::<ambient::BlackCubes>()
             .add_systems(
                 Render,

@@ -2,101 +2,26 @@
 
 use std::sync::atomic::Ordering;
 
-use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
 use bevy::render::render_asset::RenderAssets;
-use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
-    texture_depth_2d, uniform_buffer,
-};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::texture::GpuImage;
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::shader::Shader;
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 use bevy::utils::default;
 
 use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera};
-use crate::gi::compute::{CameraInputs, bind_group, compute_pass};
+use super::kernels::SkyKernels;
+use crate::gi::compute::{CameraInputs, compute_pass};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};
-
-/// Layouts of the passes, and pipelines, which are queued once a camera has a sky.
-#[derive(Resource)]
-pub(in crate::gi) struct SkyPipelines {
-    layouts: [BindGroupLayoutDescriptor; 3],
-    shaders: [Handle<Shader>; 3],
-    pipelines: Option<[CachedComputePipelineId; 3]>,
-}
-
-impl FromWorld for SkyPipelines {
-    fn from_world(world: &mut World) -> Self {
-        let read = || storage_buffer_read_only_sized(false, None);
-        let write = || storage_buffer_sized(false, None);
-        let faces = texture_2d_array(TextureSampleType::Float { filterable: false });
-        let compute = ShaderStages::COMPUTE;
-        let fill = BindGroupLayoutEntries::sequential(compute, (faces, read(), write()));
-        let weigh = BindGroupLayoutEntries::sequential(
-            compute,
-            (
-                texture_2d(TextureSampleType::Uint),
-                texture_depth_2d(),
-                uniform_buffer::<ViewUniform>(true),
-                read(),
-                write(),
-            ),
-        );
-        let sample = BindGroupLayoutEntries::sequential(compute, (read(), read(), read(), write()));
-        Self {
-            layouts: [
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/fill", &fill),
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/weigh", &weigh),
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/sample", &sample),
-            ],
-            shaders: [
-                load_embedded_asset!(world, "fill.wgsl"),
-                load_embedded_asset!(world, "weigh.wgsl"),
-                load_embedded_asset!(world, "sample.wgsl"),
-            ],
-            pipelines: None,
-        }
-    }
-}
-
-impl SkyPipelines {
-    /// Whether the pipelines are compiled. Queues them if they are not.
-    pub(super) fn are_ready(&mut self, cache: &PipelineCache) -> bool {
-        let pipelines = self.queue(cache);
-        pipelines.into_iter().all(|pipeline| cache.get_compute_pipeline(pipeline).is_some())
-    }
-
-    fn queue(&mut self, cache: &PipelineCache) -> [CachedComputePipelineId; 3] {
-        let Self { layouts, shaders, pipelines } = self;
-        *pipelines.get_or_insert_with(|| {
-            let names = ["fill_sky", "weigh_sky", "sample_sky"];
-            std::array::from_fn(|index| {
-                let mut layout = vec![layouts[index].clone()];
-                if names[index] == "weigh_sky" {
-                    layout.push(OccluderBuffers::layout());
-                }
-                cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                    label: Some(format!("bevy_frugal_gi/sky/{}", names[index]).into()),
-                    layout,
-                    shader: shaders[index].clone(),
-                    entry_point: Some(names[index].into()),
-                    ..default()
-                })
-            })
-        })
-    }
-}
 
 /// In a GI camera's view: integrates the sky when it changed; weights and samples it then and when
 /// VPLs are sampled.
 pub(in crate::gi) fn sample(
     view: ViewQuery<(&SkyCamera, &SkySource, &GiView, &ViewPrepassTextures, &ViewUniformOffset)>,
-    pipelines: Res<SkyPipelines>,
+    kernels: Res<SkyKernels>,
     occluders: Res<OccluderBuffers>,
     images: Res<RenderAssets<GpuImage>>,
     cache: Res<PipelineCache>,
@@ -107,8 +32,9 @@ pub(in crate::gi) fn sample(
     if !gi_view.work.sample && camera.is_filled.load(Ordering::Relaxed) {
         return;
     }
-    let Some([Some(fill), Some(weigh), Some(sample)]) =
-        pipelines.pipelines.map(|ids| ids.map(|id| cache.get_compute_pipeline(id)))
+    let SkyKernels { fill, weigh, sample } = &*kernels;
+    let (Some(fill_pipeline), Some(weigh_pipeline), Some(sample_pipeline)) =
+        (fill.get(&cache, &[]), weigh.get(&cache, &[]), sample.get(&cache, &[]))
     else {
         return;
     };
@@ -118,25 +44,22 @@ pub(in crate::gi) fn sample(
     else {
         return;
     };
-    let [fill_layout, weigh_layout, sample_layout] = &pipelines.layouts;
     let faces = image.texture.create_view(&TextureViewDescriptor {
         dimension: Some(TextureViewDimension::D2Array),
         ..default()
     });
-    let filling = bind_group(
+    let filling = fill.bind(
         &context,
         &cache,
-        fill_layout,
         &BindGroupEntries::sequential((
             &faces,
             camera.reading_buffer.as_entire_binding(),
             camera.strata.as_entire_binding(),
         )),
     );
-    let weighing = bind_group(
+    let weighing = weigh.bind(
         &context,
         &cache,
-        weigh_layout,
         &BindGroupEntries::sequential((
             inputs.g_buffer,
             inputs.depth,
@@ -145,10 +68,9 @@ pub(in crate::gi) fn sample(
             camera.importance.as_entire_binding(),
         )),
     );
-    let sampling = bind_group(
+    let sampling = sample.bind(
         &context,
         &cache,
-        sample_layout,
         &BindGroupEntries::sequential((
             camera.strata.as_entire_binding(),
             camera.importance.as_entire_binding(),
@@ -160,20 +82,20 @@ pub(in crate::gi) fn sample(
     compute_pass(&mut context, "bevy_frugal_gi/sky", &[], |pass| {
         if again {
             pass.set_bind_group(0, &sampling, &[]);
-            pass.set_pipeline(sample);
+            pass.set_pipeline(sample_pipeline);
             return pass.dispatch_workgroups(1, 1, 1);
         }
         if !camera.is_filled.swap(true, Ordering::Relaxed) {
             pass.set_bind_group(0, &filling, &[]);
-            pass.set_pipeline(fill);
+            pass.set_pipeline(fill_pipeline);
             pass.dispatch_workgroups(STRATA / 64, 1, 1);
         }
         pass.set_bind_group(0, &weighing, &[view_offset.offset]);
         pass.set_bind_group(1, traced, &[]);
-        pass.set_pipeline(weigh);
+        pass.set_pipeline(weigh_pipeline);
         pass.dispatch_workgroups(STRATA / STRATA_PER_GROUP, 1, 1);
         pass.set_bind_group(0, &sampling, &[]);
-        pass.set_pipeline(sample);
+        pass.set_pipeline(sample_pipeline);
         pass.dispatch_workgroups(1, 1, 1);
     });
 }

@@ -7,6 +7,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
+#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ROWS}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::trace::trace::{is_open, surface_offset}
 
@@ -15,10 +16,6 @@
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> strata: array<SkyLight>;
 @group(0) @binding(4) var<storage, read_write> importance: array<f32>;
-
-const COLUMNS: u32 = 8u;
-const ROWS: u32 = 4u;
-const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
 
 var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 

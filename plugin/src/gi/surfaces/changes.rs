@@ -48,38 +48,6 @@ impl MeshDelta {
     pub(crate) fn is_altered(&self) -> bool {
         self.unknown || !self.altered.is_empty()
     }
-
-    /// Instances, sorted by entity, after meshes moved; `None` where one is nowhere. Moves of other
-    /// meshes do not matter.
-    pub(crate) fn displace<I: Clone>(
-        &self,
-        instances: &[I],
-        entity: impl Fn(&I) -> Entity,
-        place: impl Fn(&mut I) -> &mut Affine3A,
-    ) -> Option<Vec<I>> {
-        let mut now = instances.to_vec();
-        for (moved, affine) in &self.moved {
-            if let Ok(index) = now.binary_search_by_key(moved, &entity) {
-                *place(&mut now[index]) = *affine;
-            }
-        }
-        now.iter_mut().all(|instance| place(instance).is_finite()).then_some(now)
-    }
-}
-
-/// What was read of the scene at once, as far as it tells whether it must be read again.
-pub(in crate::gi) struct Reading {
-    /// Render layers of the GI cameras.
-    pub layers: RenderLayers,
-    /// An asset was not loaded yet, or a mesh was nowhere.
-    pub is_incomplete: bool,
-}
-
-impl Reading {
-    /// Whether nothing but the places of meshes, and their assets, changed since.
-    pub(crate) fn holds(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
-        !delta.is_altered() && !self.is_incomplete && self.layers == *layers
-    }
 }
 
 #[derive(SystemParam)]

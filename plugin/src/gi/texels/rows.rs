@@ -1,11 +1,9 @@
 //! Rows of texels, from which a camera samples VPLs.
 
-use bevy::ecs::prelude::*;
-use bevy::render::extract_component::ExtractComponent;
 use bytemuck::{Pod, Zeroable};
 
 /// Texels of a cascade that a finer one covers: they are not sampled.
-#[derive(Component, ExtractComponent, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct CascadeCut {
     /// First column and the one after the last.
     pub columns: [u32; 2],

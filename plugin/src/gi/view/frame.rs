@@ -18,6 +18,7 @@ pub enum GiRefresh {
     OnChange,
     /// As `OnChange`, but cameras gather in every frame, as if they moved. Measures the cost of a
     /// walk through a still scene.
+    #[doc(hidden)]
     AsIfCamerasMoved,
     /// Everything in every frame. For changes that Bevy does not report: vertex shaders that move
     /// by the clock, buffers that the GPU writes.

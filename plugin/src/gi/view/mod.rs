@@ -35,7 +35,7 @@ pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, SceneDelta};
 pub(super) use presence::LightPresence;
 pub(super) use shown::{GiCameras, Showing, Shown};
-pub(super) use work::{Step, Work};
+pub(super) use work::{HistoryAction, Work};
 
 pub(super) struct ViewPlugin;
 
@@ -44,7 +44,15 @@ impl Plugin for ViewPlugin {
         load_shader_library!(app, "luminance.wgsl");
         load_shader_library!(app, "noise.wgsl");
         load_shader_library!(app, "surface.wgsl");
-        app.init_resource::<LightPresence>().add_plugins(ExtractResourcePlugin::<Jumps>::default());
+        app.init_resource::<LightPresence>()
+            .init_resource::<GiRefresh>()
+            .register_type::<GiRefresh>()
+            .init_resource::<GiFrame>()
+            .add_plugins((
+                ExtractResourcePlugin::<Jumps>::default(),
+                ExtractResourcePlugin::<GiRefresh>::default(),
+                ExtractResourcePlugin::<GiFrame>::default(),
+            ));
         crate::cut::build(app);
     }
 
@@ -65,7 +73,7 @@ pub(super) struct GiView {
     pub sky_samples: u32,
     pub work: Work,
     /// What its history does in this frame.
-    pub step: Step,
+    pub history: HistoryAction,
 }
 
 impl GiView {
@@ -75,21 +83,21 @@ impl GiView {
     }
 
     /// How far this view's buffers serve `next`.
-    pub(crate) fn fit(&self, next: &Self) -> Fit {
+    pub(crate) fn reuse(&self, next: &Self) -> BufferReuse {
         let sampled = |view: &Self| (view.gi.vpl_count, view.gi.interleave, view.rows.is_empty());
         if sampled(self) != sampled(next) || !same_layout(&self.rows, &next.rows) {
-            Fit::Empty
+            BufferReuse::Empty
         } else if self.rows != next.rows || self.cells() != next.cells() {
-            Fit::LaidOut
+            BufferReuse::LaidOut
         } else {
-            Fit::Same
+            BufferReuse::Same
         }
     }
 }
 
 /// How far a view's buffers are still valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Fit {
+pub(super) enum BufferReuse {
     /// Entirely.
     Same,
     /// Their layout is; VPLs are resampled and gathered again, as the period allows.

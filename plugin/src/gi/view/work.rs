@@ -54,7 +54,7 @@ impl Work {
 
 /// What a frame does with the history.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::gi) enum Step {
+pub(in crate::gi) enum HistoryAction {
     /// Nothing changes, and light is gathered with other samples: their mean converges.
     Averages,
     /// Nothing is gathered. If nothing was averaged, the history's weight falls to 0.

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use bevy::ecs::prelude::*;
-use bevy::render::render_resource::*;
+use bevy::render::render_resource::{Buffer, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-use super::buffers::SamplingBuffers;
 use super::plan::VplPlan;
-use crate::gi::texels::same_layout;
+use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
+use crate::gi::texels::{TexelRow, same_layout};
 use crate::gi::view::GiView;
 
 /// The VPLs of a GI camera and the buffers of their sampling. In the render world.
@@ -35,25 +35,18 @@ impl VplView {
 
     /// Bytes held on the GPU.
     pub(crate) fn bytes(&self) -> u64 {
-        self.plan_buffer.size()
-            + self.vpls.size()
+        bytes_of([&self.plan_buffer, &self.vpls])
             + self.sampling.as_ref().map_or(0, SamplingBuffers::bytes)
     }
 }
 
 fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
-    let plan_buffer = device.create_buffer_with_data(&BufferInitDescriptor {
-        label: Some("bevy_frugal_gi/vpl/plan"),
-        contents: bytemuck::bytes_of(plan),
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
-    });
-    let vpls = device.create_buffer(&BufferDescriptor {
-        label: Some("bevy_frugal_gi/vpl/vpls"),
-        size: plan.buffer_bytes(),
-        usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    (plan_buffer, vpls)
+    let storage = BufferUsages::STORAGE;
+    let usage = storage | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
+    (
+        filled_buffer(device, "bevy_frugal_gi/vpl/plan", bytemuck::bytes_of(plan), storage),
+        empty_buffer(device, "bevy_frugal_gi/vpl/vpls", plan.buffer_bytes(), usage),
+    )
 }
 
 fn sampling_buffers(device: &RenderDevice, view: &GiView) -> Option<SamplingBuffers> {
@@ -65,17 +58,12 @@ pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    views: Query<(Entity, &GiView)>,
-    mut held: Query<&mut VplView>,
-    stale: Query<Entity, (With<VplView>, Without<GiView>)>,
+    mut views: Query<(Entity, &GiView, Option<&mut VplView>)>,
 ) {
-    for entity in &stale {
-        commands.entity(entity).remove::<VplView>();
-    }
-    for (entity, view) in &views {
+    for (entity, view, held) in &mut views {
         let plan = VplPlan::new(view.gi.vpl_count, view.gi.interleave);
         let plan = if view.rows.is_empty() { plan.without_vpls() } else { plan };
-        let Ok(mut held) = held.get_mut(entity) else {
+        let Some(mut held) = held else {
             commands.entity(entity).insert(VplView::new(&device, plan, view));
             continue;
         };
@@ -96,5 +84,67 @@ pub(super) fn prepare(
             None if view.rows.is_empty() => {}
             other => *other = sampling_buffers(&device, view),
         }
+    }
+}
+
+/// Surface points that stand for all surfaces in view.
+pub(in crate::gi) const IMPORTANCE_POINTS: u64 = 32;
+/// Bytes of `vpl/importance.wgsl`'s `ImportancePoint`. A test compares it with the shader.
+pub(in crate::gi) const IMPORTANCE_POINT_BYTES: u64 = 32;
+
+/// Bytes of its `ImportancePoints`.
+pub(in crate::gi) const IMPORTANCE_POINTS_BYTES: u64 =
+    16 + IMPORTANCE_POINTS * IMPORTANCE_POINT_BYTES;
+
+/// Buffers between a camera's maps and its VPLs.
+pub(in crate::gi) struct SamplingBuffers {
+    /// The content of `row_table`.
+    pub rows: Arc<Vec<TexelRow>>,
+    /// Texels in the longest row.
+    pub longest_row: u32,
+    pub row_table: Buffer,
+    pub importance: Buffer,
+    /// For each tile, a bit for each importance point from which it is occluded.
+    pub occluded_tiles: Buffer,
+    /// Each texel's weight for this camera, then the weights' cumulative sums along each row.
+    pub texel_cdf: Buffer,
+    /// Cumulative sums of rows.
+    pub row_cdf: Buffer,
+}
+
+impl SamplingBuffers {
+    /// Buffers for at least one row.
+    fn new(device: &RenderDevice, rows: Arc<Vec<TexelRow>>) -> Self {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let empty = |label, size| empty_buffer(device, label, size, usage);
+        let texels = rows.iter().map(|row| u64::from(row.length)).sum::<u64>();
+        Self {
+            row_table: filled_buffer(
+                device,
+                "bevy_frugal_gi/vpl/rows",
+                bytemuck::cast_slice(rows.as_slice()),
+                usage,
+            ),
+            importance: empty("bevy_frugal_gi/vpl/importance", IMPORTANCE_POINTS_BYTES),
+            occluded_tiles: empty(
+                "bevy_frugal_gi/vpl/occluded_tiles",
+                rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4,
+            ),
+            texel_cdf: empty("bevy_frugal_gi/vpl/texel_cdf", texels * 4),
+            row_cdf: empty("bevy_frugal_gi/vpl/row_cdf", rows.len() as u64 * 4),
+            longest_row: rows.iter().map(|row| row.length).max().unwrap_or(0),
+            rows,
+        }
+    }
+
+    /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_layout).
+    fn set_rows(&mut self, queue: &RenderQueue, rows: Arc<Vec<TexelRow>>) {
+        queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(rows.as_slice()));
+        self.rows = rows;
+    }
+
+    fn bytes(&self) -> u64 {
+        let Self { row_table, importance, occluded_tiles, texel_cdf, row_cdf, .. } = self;
+        bytes_of([row_table, importance, occluded_tiles, texel_cdf, row_cdf])
     }
 }

@@ -1,12 +1,12 @@
-//! From importance points to virtual point lights: the steps that sampling for a camera's image and
-//! for its patches share.
+//! From importance points to virtual point lights: the passes that sampling for a camera's image
+//! and for its patches share.
 
 use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderContext;
 
-use super::buffers::SamplingBuffers;
-use super::{TILE_GROUP, VplPipelines, WEIGH_GROUP};
-use crate::gi::compute::{CameraInputs, bind_group};
+use super::view::SamplingBuffers;
+use super::{TILE_GROUP, VplKernels, WEIGH_GROUP, tile_variant, weigh_variant};
+use crate::gi::compute::CameraInputs;
 use crate::gi::texels::TILE;
 
 /// Inputs and output of the sampling.
@@ -23,8 +23,8 @@ pub(in crate::gi) struct SampleInputs<'a> {
     pub plan: (&'a Buffer, u32),
 }
 
-/// The steps, ready to be encoded.
-pub(in crate::gi) struct Steps<'a> {
+/// The passes, ready to be encoded.
+pub(in crate::gi) struct SamplingPasses<'a> {
     trace_tiles: &'a ComputePipeline,
     find_defensive_term: &'a ComputePipeline,
     weigh_texels: &'a ComputePipeline,
@@ -37,74 +37,59 @@ pub(in crate::gi) struct Steps<'a> {
     inputs: SampleInputs<'a>,
 }
 
-impl VplPipelines {
-    /// The steps, once all pipelines are compiled. `is_traced`: with tile visibility.
-    pub(in crate::gi) fn steps<'a>(
+impl VplKernels {
+    /// The passes, once all pipelines are compiled. `is_traced`: with tile visibility.
+    pub(in crate::gi) fn passes<'a>(
         &self,
         context: &RenderContext,
         cache: &'a PipelineCache,
         is_traced: bool,
         inputs: SampleInputs<'a>,
-    ) -> Option<Steps<'a>> {
+    ) -> Option<SamplingPasses<'a>> {
         let SampleInputs { camera, texels, buffers, importance, vpls, plan, .. } = &inputs;
-        let weighing = bind_group(
-            context,
-            cache,
-            &self.weigh_layout,
-            &BindGroupEntries::sequential((
-                camera.g_buffer,
-                camera.depth,
-                camera.views.clone(),
-                texels.as_entire_binding(),
-                buffers.row_table.as_entire_binding(),
-                importance.as_entire_binding(),
-                buffers.texel_cdf.as_entire_binding(),
-                buffers.occluded_tiles.as_entire_binding(),
-            )),
-        );
-        let tracing = bind_group(
-            context,
-            cache,
-            &self.tile_layout,
-            &BindGroupEntries::sequential((
-                camera.views.clone(),
-                texels.as_entire_binding(),
-                buffers.row_table.as_entire_binding(),
-                importance.as_entire_binding(),
-                buffers.occluded_tiles.as_entire_binding(),
-            )),
-        );
-        let sampling = bind_group(
-            context,
-            cache,
-            &self.sample_layout,
-            &BindGroupEntries::sequential((
-                texels.as_entire_binding(),
-                buffers.row_table.as_entire_binding(),
-                buffers.texel_cdf.as_entire_binding(),
-                buffers.row_cdf.as_entire_binding(),
-                vpls.as_entire_binding(),
-                plan.0.as_entire_binding(),
-            )),
-        );
-        let ready = |id| cache.get_compute_pipeline(id);
-        Some(Steps {
-            trace_tiles: ready(self.trace_tiles)?,
-            find_defensive_term: ready(self.find_defensive_term[usize::from(is_traced)])?,
-            weigh_texels: ready(self.weigh_texels[usize::from(is_traced)])?,
-            accumulate_rows: ready(self.accumulate_rows)?,
-            accumulate_maps: ready(self.accumulate_maps)?,
-            sample: ready(self.sample)?,
-            tracing,
-            weighing,
-            sampling,
+        let weighing = BindGroupEntries::sequential((
+            camera.g_buffer,
+            camera.depth,
+            camera.views.clone(),
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            importance.as_entire_binding(),
+            buffers.texel_cdf.as_entire_binding(),
+            buffers.occluded_tiles.as_entire_binding(),
+        ));
+        let tracing = BindGroupEntries::sequential((
+            camera.views.clone(),
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            importance.as_entire_binding(),
+            buffers.occluded_tiles.as_entire_binding(),
+        ));
+        let sampling = BindGroupEntries::sequential((
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            buffers.texel_cdf.as_entire_binding(),
+            buffers.row_cdf.as_entire_binding(),
+            vpls.as_entire_binding(),
+            plan.0.as_entire_binding(),
+        ));
+        let variant = weigh_variant(is_traced);
+        Some(SamplingPasses {
+            trace_tiles: self.trace_tiles.get(cache, &tile_variant())?,
+            find_defensive_term: self.find_defensive_term.get(cache, &variant)?,
+            weigh_texels: self.weigh_texels.get(cache, &variant)?,
+            accumulate_rows: self.accumulate_rows.get(cache, &[])?,
+            accumulate_maps: self.accumulate_maps.get(cache, &[])?,
+            sample: self.sample.get(cache, &[])?,
+            tracing: self.trace_tiles.bind(context, cache, &tracing),
+            weighing: self.weigh_texels.bind(context, cache, &weighing),
+            sampling: self.sample.bind(context, cache, &sampling),
             inputs,
         })
     }
 }
 
-impl Steps<'_> {
-    /// The bind group of the weights, for the step before them, which picks importance points.
+impl SamplingPasses<'_> {
+    /// The bind group of the weights, for the pass before them, which picks importance points.
     pub(crate) fn weighing(&self) -> &BindGroup {
         &self.weighing
     }

@@ -2,11 +2,11 @@
 
 use bevy::ecs::prelude::*;
 
-use crate::gi::rsm::MapAge;
+use super::map::MapAge;
 
 /// A map that may be rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Waiting {
+pub(super) struct MapRequest {
     /// Light, and camera that the map serves: such maps are rendered in the same frame, since
     /// cascades cover each other.
     pub group: (Entity, Option<Entity>),
@@ -29,8 +29,8 @@ pub(super) enum Gate {
 
 /// Of maps sorted by group: whether each is rendered. First come maps whose texels are not there
 /// yet, then those that matter most or have waited longest.
-pub(super) fn due(maps: &[Waiting], gate: Gate) -> Vec<bool> {
-    let mut groups: Vec<(&[Waiting], usize)> = Vec::new();
+pub(super) fn due(maps: &[MapRequest], gate: Gate) -> Vec<bool> {
+    let mut groups: Vec<(&[MapRequest], usize)> = Vec::new();
     let mut first = 0;
     for group in maps.chunk_by(|a, b| a.group == b.group) {
         if group.iter().any(|map| map.age.stale > 0) {
@@ -38,7 +38,7 @@ pub(super) fn due(maps: &[Waiting], gate: Gate) -> Vec<bool> {
         }
         first += group.len();
     }
-    let rank = |(group, _): &(&[Waiting], usize)| {
+    let rank = |(group, _): &(&[MapRequest], usize)| {
         let any = |is: fn(&MapAge) -> bool| group.iter().any(|map| is(&map.age));
         let waited = group.iter().map(|map| map.age.stale).max().unwrap_or(0) as f32;
         let importance = group.iter().map(|map| map.importance).fold(0.0, f32::max);
@@ -73,14 +73,14 @@ pub(super) fn due(maps: &[Waiting], gate: Gate) -> Vec<bool> {
 mod tests {
     use super::*;
 
-    fn map(light: u32, importance: f32, age: MapAge) -> Waiting {
+    fn map(light: u32, importance: f32, age: MapAge) -> MapRequest {
         let group = (Entity::from_raw_u32(light).expect("an entity"), None);
-        Waiting { group, importance, age }
+        MapRequest { group, importance, age }
     }
 
-    const FRESH: MapAge = MapAge { stale: 0, filled: true, urgent: false };
+    const FRESH: MapAge = MapAge::FRESH;
     const STALE: MapAge = MapAge { stale: 1, ..FRESH };
-    const EMPTY: MapAge = MapAge { stale: 1, filled: false, urgent: false };
+    const EMPTY: MapAge = MapAge::NEW;
 
     #[test]
     fn nothing_is_rendered_that_is_up_to_date() {

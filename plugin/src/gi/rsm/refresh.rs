@@ -6,38 +6,35 @@ use bevy::camera::visibility::VisibleEntities;
 use bevy::camera::{Camera, Projection};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
 use bevy::log::info_once;
 use bevy::math::Vec3;
 use bevy::mesh::Mesh3d;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
-use super::changes::{SceneChanges, shift};
-use super::queue::{Gate, Waiting, due};
+use super::RsmView;
+use super::changes::{SceneReader, shift};
+use super::extent::{BoundingSphere, MapExtent};
+use super::map::{LightMap, MapAge};
+use super::queue::{Gate, MapRequest, due};
+use super::views::MapsReweighted;
 use crate::cut::Jumps;
-use crate::gi::rsm::{Around, MapAge, MapDelta, MapExtent, MapWeight, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CameraCut, GiFrame, GiRefresh, SceneDelta};
 use crate::pipelines::PipelinesBusy;
 
-/// A map's camera, to query and as found.
-type Map = (
-    &'static RsmView,
-    &'static MapWeight,
-    &'static GlobalTransform,
-    &'static Projection,
-    &'static mut MapAge,
-    &'static mut Camera,
-);
-type MapItem<'w> = (
-    &'w RsmView,
-    &'w MapWeight,
-    &'w GlobalTransform,
-    &'w Projection,
-    Mut<'w, MapAge>,
-    Mut<'w, Camera>,
-);
+/// A map and its camera.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct DueMap {
+    view: &'static RsmView,
+    place: &'static GlobalTransform,
+    projection: &'static Projection,
+    map: &'static mut LightMap,
+    camera: &'static mut Camera,
+}
 
 /// A GI camera.
 type Viewer = (
@@ -51,14 +48,14 @@ type Viewer = (
 
 pub(super) fn decide(
     (mut frame, mut jumps): (ResMut<GiFrame>, ResMut<Jumps>),
-    (policy, limits, maps_delta): (Res<GiRefresh>, Res<GiLimits>, Res<MapDelta>),
+    (policy, limits, reweighted): (Res<GiRefresh>, Res<GiLimits>, Res<MapsReweighted>),
     busy: Option<Res<PipelinesBusy>>,
     occluders: Res<GiOccluders>,
     cameras: Query<Viewer, Without<RsmView>>,
     mut places: Local<EntityHashMap<Vec3>>,
     other_materials: Query<(), (With<Mesh3d>, Without<MeshMaterial3d<StandardMaterial>>)>,
-    mut scene: SceneChanges,
-    mut maps: Query<Map>,
+    mut scene: SceneReader,
+    mut maps: Query<DueMap>,
 ) {
     let changes = scene.read();
     let are_active = |camera: &Camera, gi: &FrugalGi| camera.is_active && gi.vpl_count > 0;
@@ -85,7 +82,7 @@ pub(super) fn decide(
         );
     }
     let mut delta = SceneDelta {
-        changed: changes.any() || maps_delta.reweighted,
+        changed: changes.any() || reweighted.0,
         arrived: changes.arrived,
         // The renderer reports pipelines one or two frames late: meshes that it left out are then
         // rendered again.
@@ -95,7 +92,7 @@ pub(super) fn decide(
         // What belongs to another place is rendered anew at once.
         cut: has_cut || !jumps.shifts.is_empty(),
     };
-    for (.., age, _) in &maps {
+    for DueMapReadOnlyItem { map: LightMap { age, .. }, .. } in &maps {
         delta.changed |= age.stale > 0;
         delta.unfilled |= !age.filled || age.urgent;
     }
@@ -107,7 +104,7 @@ pub(super) fn decide(
     let everywhere = changes.everywhere || always || next.arriving > 0;
     if delta.changed || delta.unfilled || everywhere {
         let mut maps: Vec<_> = maps.iter_mut().collect();
-        maps.sort_by_key(|(view, ..)| view.key());
+        maps.sort_by_key(|map| map.view.key());
         mark(&mut maps, &changes.spheres, everywhere);
         let gate = match next.maps {
             true if delta.cut => Gate::All,
@@ -118,42 +115,40 @@ pub(super) fn decide(
     } else {
         next.maps = false;
     }
-    next.relit = next.maps || maps_delta.reweighted;
+    next.relit = next.maps || reweighted.0;
     *frame = next;
 }
 
 /// Marks maps as stale that can show a change: all, or those that meet a sphere.
-fn mark(maps: &mut [MapItem], spheres: &[Around], everywhere: bool) {
-    for (_, _, transform, projection, age, _) in maps {
+fn mark(maps: &mut [DueMapItem], spheres: &[BoundingSphere], everywhere: bool) {
+    for DueMapItem { place, projection, map, .. } in maps {
         let is_hit = || {
-            let extent = MapExtent::new(&transform.compute_transform(), projection);
+            let extent = MapExtent::new(&place.compute_transform(), projection);
             spheres.iter().any(|sphere| extent.meets(sphere))
         };
-        if age.stale == 0 && (everywhere || !spheres.is_empty() && is_hit()) {
-            age.stale = 1;
+        if map.age.stale == 0 && (everywhere || !spheres.is_empty() && is_hit()) {
+            map.age.stale = 1;
         }
     }
 }
 
-/// Lets the maps that are due be rendered; their cameras were inactive. Whether there is any, and how many wait
-/// although the gate is open.
-fn activate(maps: &mut [MapItem], gate: Gate) -> (bool, u32) {
-    let waiting: Vec<Waiting> = maps
-        .iter()
-        .map(|(view, weight, _, _, age, _)| Waiting {
-            group: (view.light, view.camera),
-            importance: weight.importance,
-            age: **age,
-        })
-        .collect();
+/// Lets the maps that are due be rendered; their cameras were inactive. Whether there is any, and
+/// how many wait although the gate is open.
+fn activate(maps: &mut [DueMapItem], gate: Gate) -> (bool, u32) {
+    let request = |DueMapItem { view, map, .. }: &DueMapItem| MapRequest {
+        group: (view.light, view.camera),
+        importance: map.importance,
+        age: map.age,
+    };
+    let waiting: Vec<MapRequest> = maps.iter().map(request).collect();
     let (mut any, mut left) = (false, 0);
-    for ((.., age, camera), is_due) in maps.iter_mut().zip(due(&waiting, gate)) {
+    for (DueMapItem { map, camera, .. }, is_due) in maps.iter_mut().zip(due(&waiting, gate)) {
         any |= is_due;
         if is_due {
             camera.is_active = true;
-            age.set_if_neq(MapAge { stale: 0, filled: true, urgent: false });
-        } else if age.stale > 0 {
-            age.stale = age.stale.saturating_add(1);
+            map.age = MapAge::FRESH;
+        } else if map.age.stale > 0 {
+            map.age.stale = map.age.stale.saturating_add(1);
             left += u32::from(gate != Gate::Urgent);
         }
     }

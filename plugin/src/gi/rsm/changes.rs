@@ -13,16 +13,16 @@ use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::HashSet;
 use bevy::transform::components::GlobalTransform;
 
+use super::extent::BoundingSphere;
 use crate::cut::CUT_DISTANCE;
-use crate::gi::rsm::Around;
 use crate::gi::surfaces::MeshDelta;
 
 /// What changed since the last frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Changes {
+pub(super) struct SceneChanges {
     /// Meshes came, went, moved or changed: where they were and where they are. Empty where
     /// `everywhere`.
-    pub spheres: Vec<Around>,
+    pub spheres: Vec<BoundingSphere>,
     /// Something changed, and nobody knows where.
     pub everywhere: bool,
     /// An asset of the scene was added, changed or removed.
@@ -31,7 +31,7 @@ pub(super) struct Changes {
     pub jumps: EntityHashMap<Option<Vec3>>,
 }
 
-impl Changes {
+impl SceneChanges {
     /// Whether anything visible changed, apart from what arrives.
     pub(super) fn any(&self) -> bool {
         self.everywhere || !self.spheres.is_empty()
@@ -42,25 +42,25 @@ impl Changes {
 #[derive(Clone, Copy)]
 struct Known {
     /// `None`: Bevy has not measured it, or never does.
-    around: Option<Around>,
+    around: Option<BoundingSphere>,
     origin: Vec3,
 }
 
 /// Whether anything in the scene changed since the last frame, and where.
 #[derive(SystemParam)]
-pub(super) struct SceneChanges<'w, 's> {
+pub(super) struct SceneReader<'w, 's> {
     delta: Res<'w, MeshDelta>,
     meshes: Query<'w, 's, (Option<&'static Aabb>, &'static GlobalTransform), With<Mesh3d>>,
     skins: Query<'w, 's, &'static SkinnedMesh>,
     moved: Query<'w, 's, (), Changed<GlobalTransform>>,
     known: Local<'s, EntityHashMap<Known>>,
-    assets: AssetChanges<'w, 's>,
+    assets: AssetReader<'w, 's>,
 }
 
-impl SceneChanges<'_, '_> {
+impl SceneReader<'_, '_> {
     /// Reads everything, so that no change counts twice.
-    pub(super) fn read(&mut self) -> Changes {
-        let mut changes = Changes { arrived: self.assets.read(), ..Default::default() };
+    pub(super) fn read(&mut self) -> SceneChanges {
+        let mut changes = SceneChanges { arrived: self.assets.read(), ..Default::default() };
         // Joints move vertices out of the mesh's box.
         changes.everywhere = self.delta.unknown
             || self
@@ -77,7 +77,7 @@ impl SceneChanges<'_, '_> {
         for mesh in &self.delta.touched {
             // Gone.
             let Ok((aabb, transform)) = self.meshes.get(*mesh) else { continue };
-            let around = aabb.map(|aabb| Around::mesh(aabb, transform));
+            let around = aabb.map(|aabb| BoundingSphere::mesh(aabb, transform));
             let origin = transform.translation();
             let was = self.known.insert(*mesh, Known { around, origin });
             let jump = was.map(|was| origin - was.origin);
@@ -103,7 +103,7 @@ impl SceneChanges<'_, '_> {
 
 /// Whether assets of the scene changed since the last frame.
 #[derive(SystemParam)]
-struct AssetChanges<'w, 's> {
+struct AssetReader<'w, 's> {
     meshes: Option<MessageReader<'w, 's, AssetEvent<Mesh>>>,
     images: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
     materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
@@ -111,7 +111,7 @@ struct AssetChanges<'w, 's> {
     all_materials: Option<Res<'w, Assets<StandardMaterial>>>,
 }
 
-impl AssetChanges<'_, '_> {
+impl AssetReader<'_, '_> {
     /// Images of an interface, and meshes that nothing shows, do not count.
     fn read(&mut self) -> bool {
         // Reads all, or the rest would count in the next frame.
