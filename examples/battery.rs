@@ -16,7 +16,10 @@ use bevy::anti_alias::smaa::Smaa;
 use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
+use bevy_frugal_gi::power::{MeterChoice, PowerPlugin};
 use bevy_frugal_gi::prelude::*;
+use bevy_frugal_gi::signals::{BatteryLevel, BatterySettings};
+use bevy_frugal_gi::units::Joules;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{

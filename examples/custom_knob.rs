@@ -5,6 +5,8 @@
 //! frontier. Its four points are figures measured by hand: a `FrontierStore` need not be a map.
 
 use bevy::prelude::*;
+use bevy_frugal_gi::control::FrontierSource;
+use bevy_frugal_gi::frontier::FrontierStore;
 use bevy_frugal_gi::frontier::{
     CameraView, CostPoint, Frontier, FrontierPoint, SampleCamera, SampleRef, ViewDirection,
 };

@@ -21,6 +21,7 @@ use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
 use bevy_frugal_gi::knobs::KnobLevels;
+use bevy_frugal_gi::knobs::KnobRegistry;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;

@@ -17,6 +17,7 @@ use bevy::light::EnvironmentMapLight;
 use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
+use bevy_frugal_gi::control::CameraPriority;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;

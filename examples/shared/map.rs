@@ -78,7 +78,7 @@ fn start_controller(
     cameras: Query<(Entity, &MapWhenWarm), Without<WarmKnobs>>,
 ) {
     for (camera, MapWhenWarm(map)) in &cameras {
-        let map = FrontierMapHandle(map.clone());
+        let map = PowerController(map.clone());
         commands.entity(camera).insert(map).remove::<MapWhenWarm>();
     }
 }

@@ -13,7 +13,7 @@
 //!         commands.spawn((
 //!             Camera3d::default(),
 //!             FrugalGi::default(),                                                // global illumination on this camera
-//!             FrontierMapHandle(assets.load("maps/courtyard.pareto.ron")),        // and the controller
+//!             PowerController(assets.load("maps/courtyard.pareto.ron")),        // and the controller
 //!             Budget::power(Watts(7.0)),
 //!         ));
 //!     })
@@ -78,28 +78,19 @@ impl PluginGroup for FrugalGiPlugins {
     }
 }
 
-/// What the guide tells an app to name. A knob, a meter or a store of your own has its traits in the
-/// module of its kind.
+/// What most apps name. Everything else is in the module of its kind.
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{
-        AppBudget, Budget, BudgetStateChanged, CameraController, CameraPriority, ControlPlugin,
-        ControlSettings, ControlStatus, ControlSystems, ErrorFeedback, ErrorPace,
-        FrontierMapHandle, FrontierSource, KnobBounds, Limit, MapRejected, OffReason, Outcome,
-        PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
+        AppBudget, Budget, BudgetStateChanged, ControlStatus, KnobBounds, MapRejected, Outcome,
+        PowerController, Selection, SettingsSwitched,
     };
-    pub use crate::error_meter::{ErrorMeter, ErrorMeterPlugin, ErrorProbe, MeasuredError};
-    pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
-    pub use crate::gi::{
-        CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,
-        GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiSupport, GiVisibility, RsmView,
-    };
-    pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
-    pub use crate::pacing::{FramePacingPlugin, FrameRateLimit};
-    pub use crate::power::{
-        MeterChoice, MeterState, MeteredPower, PowerPlugin, Provenance, SamplerSettings,
-    };
-    pub use crate::resolution::{ResolutionPlugin, ResolutionScale};
-    pub use crate::signals::{BatteryLevel, BatterySettings, FrameTime, ThermalHeadroom};
-    pub use crate::units::{Joules, Watts};
+    pub use crate::error_meter::ErrorMeter;
+    pub use crate::frontier::FrontierMap;
+    pub use crate::gi::{CameraCut, FrugalGi, GiSupport};
+    pub use crate::knobs::{KnobSettings, RegisterKnob, WarmKnobs};
+    pub use crate::pacing::FrameRateLimit;
+    pub use crate::power::MeteredPower;
+    pub use crate::resolution::ResolutionScale;
+    pub use crate::units::Watts;
 }

@@ -22,7 +22,7 @@ use bevy::ecs::system::{Local, Query};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::{GlobalTransform, Transform};
 use bevy_frugal_gi::control::{
-    Budget, ControlPlugin, ErrorPrice, FrontierMapHandle, Selection, select,
+    Budget, ControlPlugin, ErrorPrice, PowerController, Selection, select,
 };
 use bevy_frugal_gi::frontier::{
     CameraView, Corner, CostPoint, Frontier, FrontierMap, FrontierMapPlugin, FrontierPoint,
@@ -181,7 +181,7 @@ fn frames(cameras: usize, moves: bool) -> (f64, f64, f64) {
     app.cleanup();
     let handle = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map_of(10));
     for number in 0..cameras {
-        let parts = (FrontierMapHandle(handle.clone()), Budget::power(Watts(7.5)));
+        let parts = (PowerController(handle.clone()), Budget::power(Watts(7.5)));
         app.world_mut().spawn((placed(&view(number)), parts));
     }
     // Settings reach their targets.

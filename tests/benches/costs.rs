@@ -13,7 +13,7 @@ use bevy::app::App;
 use bevy::asset::{AssetPlugin, Assets};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, select};
+use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, select};
 use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierMapPlugin, FrontierStore};
 use bevy_frugal_gi::knobs::{Knob, KnobSpace};
 use bevy_frugal_gi::units::Watts;
@@ -38,7 +38,7 @@ fn app(cameras: u32) -> App {
         app.world_mut().spawn((
             transform,
             GlobalTransform::from(transform),
-            FrontierMapHandle(map.clone()),
+            PowerController(map.clone()),
             Budget::power(Watts(2.5)),
         ));
     }

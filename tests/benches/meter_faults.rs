@@ -15,7 +15,7 @@ use bevy::asset::{AssetPlugin, Assets};
 use bevy::math::Vec3;
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, Selection};
+use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
 use bevy_frugal_gi::frontier::{
     CostPoint, Frontier, FrontierMap, FrontierMapPlugin, FrontierPoint,
 };
@@ -120,7 +120,7 @@ fn run(limit: Watts, fault: Fault) -> Run {
     app.finish();
     app.cleanup();
     let handle = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map.clone());
-    let parts = (FrontierMapHandle(handle), Budget::power(limit), GlobalTransform::IDENTITY);
+    let parts = (PowerController(handle), Budget::power(limit), GlobalTransform::IDENTITY);
     let camera = app.world_mut().spawn(parts).id();
     let mut device = SimulatedDevice { gain: 1.2, idle: Watts(1.0), ..Default::default() };
     let latency = if fault == Fault::Late { 30.0 } else { 0.0 };

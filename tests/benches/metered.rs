@@ -23,9 +23,7 @@ use bevy::ecs::query::With;
 use bevy::math::UVec2;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::time::TimeUpdateStrategy;
-use bevy_frugal_gi::control::{
-    Budget, FrontierMapHandle, PowerCorrection, PowerFeedback, Selection,
-};
+use bevy_frugal_gi::control::{Budget, PowerController, PowerCorrection, PowerFeedback, Selection};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::power::{
@@ -297,7 +295,7 @@ fn open_bench(map: &Path, meter: Option<&str>) -> Bench {
     let world = stage.world_mut();
     let handle = world.resource_mut::<Assets<FrontierMap>>().add(map);
     let camera = world.query_filtered::<Entity, With<FrugalGi>>().single(world).expect("a camera");
-    world.entity_mut(camera).insert(FrontierMapHandle(handle));
+    world.entity_mut(camera).insert(PowerController(handle));
     let steps = Steps::watch(meter, Arc::default());
     Bench { stage, scene, camera, steps, interval }
 }

@@ -18,7 +18,7 @@ use bevy::camera::{PerspectiveProjection, Projection};
 use bevy::ecs::entity::Entity;
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, Selection};
+use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::power::{
@@ -115,7 +115,7 @@ impl<'a> Simulated<'a> {
             ..Default::default()
         };
         let parts =
-            (FrontierMapHandle(map), Projection::Perspective(lens), GlobalTransform::IDENTITY);
+            (PowerController(map), Projection::Perspective(lens), GlobalTransform::IDENTITY);
         let camera = app.world_mut().spawn((parts, Budget::default())).id();
         Self { level, app, camera }
     }

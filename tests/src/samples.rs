@@ -15,7 +15,7 @@ mod readme {
                 commands.spawn((
                     Camera3d::default(),
                     FrugalGi::default(), // global illumination on this camera
-                    FrontierMapHandle(assets.load("maps/courtyard.pareto.ron")), // and the controller
+                    PowerController(assets.load("maps/courtyard.pareto.ron")), // and the controller
                     Budget::power(Watts(7.0)),
                 ));
             })
@@ -155,6 +155,8 @@ mod knobs_by_hand {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;
 
+    use bevy_frugal_gi::knobs::KnobRegistry;
+
     fn cheapest(
         mut commands: Commands,
         registry: Res<KnobRegistry>,
@@ -201,6 +203,8 @@ mod meter {
     use bevy::app::PluginGroupBuilder;
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;
+
+    use bevy_frugal_gi::power::{MeterChoice, PowerPlugin};
 
     fn sample() -> PluginGroupBuilder {
         FrugalGiPlugins

@@ -17,10 +17,10 @@ use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space,
 use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
 use super::power_feedback::FeedbackState;
 use super::state::CameraState;
-use super::write::Told;
+use super::write::{write_selection, write_settings};
 use super::{
-    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, ErrorPace, FrontierMapHandle,
-    FrontierSource, Limit, OffReason, PowerDivision, PowerFeedback, Selection, SettingsFilter,
+    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, ErrorPace, FrontierSource, Limit,
+    OffReason, PowerController, PowerDivision, PowerFeedback, Selection, SettingsFilter,
 };
 use crate::frontier::{
     AppConditions, CameraView, Conditions, Frontier, FrontierMap, MapFit, Misfit, ShownScene,
@@ -56,7 +56,6 @@ pub(super) fn control_cameras(
     common: Common,
     mut prepared: ResMut<PreparedMaps>,
     mut division: Local<PowerDivision>,
-    mut told: Told,
     mut cameras: Query<Controlled>,
 ) {
     let mut active: SmallVec<[ControlledItem; 4]> = SmallVec::new();
@@ -87,13 +86,13 @@ pub(super) fn control_cameras(
                     sample: None,
                     ..*camera.selection
                 };
-                told.select(&mut camera, off);
+                write_selection(&mut commands, &mut camera, off);
             }
         }
     }
     common.divide(&mut division, &mut frames);
     for (camera, frame) in active.into_iter().zip(frames) {
-        common.switch(camera, frame, &mut told, &mut commands);
+        common.switch(camera, frame, &mut commands);
     }
 }
 
@@ -236,7 +235,6 @@ impl Common<'_> {
         &self,
         mut camera: ControlledItem<'_, '_>,
         frame: Frame<'_>,
-        told: &mut Told,
         commands: &mut Commands,
     ) {
         let Frame { store, space, choice, binding, agreed, .. } = frame;
@@ -271,7 +269,8 @@ impl Common<'_> {
         let pace = camera.pace.bypass_change_detection();
         let decisions = switch.step(&choice, charge, filter, pace);
         camera.state.bypass_change_detection().predicted = Some(decisions.uncorrected);
-        told.select(
+        write_selection(
+            commands,
             &mut camera,
             Selection {
                 binding,
@@ -283,7 +282,7 @@ impl Common<'_> {
                 sample: Some(decisions.sample),
             },
         );
-        told.apply(camera, &space, &decisions, commands);
+        write_settings(commands, camera, &space, &decisions);
     }
 }
 
@@ -332,7 +331,7 @@ pub(super) fn forget_camera<C: Component>(removed: On<Remove, C>, mut commands: 
     // The removed components are still present here, both where both are removed at once.
     commands.queue(move |world: &mut World| {
         let Ok(mut camera) = world.get_entity_mut(camera) else { return };
-        if !camera.contains::<FrontierMapHandle>() && !camera.contains::<FrontierSource>() {
+        if !camera.contains::<PowerController>() && !camera.contains::<FrontierSource>() {
             camera.remove::<(Selection, SettingsFilter, ErrorFeedback, ErrorPace, MapFit, CameraState)>();
         }
     });

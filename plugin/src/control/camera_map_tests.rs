@@ -115,7 +115,7 @@ fn maps_are_loaded_from_files_and_reloaded_when_those_change() {
     files.insert_asset_text(path, &testing::map(1).to_ron().expect("writable"));
     let mut app = app_with(files.clone());
     let server = app.world().resource::<AssetServer>().clone();
-    let handle = FrontierMapHandle(server.load("maps/courtyard.pareto.ron"));
+    let handle = PowerController(server.load("maps/courtyard.pareto.ron"));
     let camera = app
         .world_mut()
         .spawn((handle, Budget::power(Watts(6.5)), lens(), GlobalTransform::IDENTITY))
@@ -144,7 +144,7 @@ fn files_that_do_not_load_turn_the_controller_off() {
     files.insert_asset(Path::new("binary.pareto.ron"), vec![0xff_u8; 40]);
     for file in ["half.pareto.ron", "newer.pareto.ron", "binary.pareto.ron", "missing.pareto.ron"] {
         let mut app = app_with(files.clone());
-        let handle = FrontierMapHandle(app.world().resource::<AssetServer>().load(file));
+        let handle = PowerController(app.world().resource::<AssetServer>().load(file));
         let camera = app.world_mut().spawn((handle, lens(), GlobalTransform::IDENTITY)).id();
         assert_eq!(
             run_while(&mut app, camera, ControlStatus::Waiting),

@@ -8,8 +8,7 @@ fn an_app_budget_is_divided_among_its_cameras() {
     // Along −Z 6, 7 and 9 W, along +X 1, 2 and 4 W, of errors 0.2, 0.05 and 0.
     let look =
         GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
-    let other =
-        app.world_mut().spawn((FrontierMapHandle(map), Budget::default(), lens(), look)).id();
+    let other = app.world_mut().spawn((PowerController(map), Budget::default(), lens(), look)).id();
     app.world_mut().resource_mut::<ControlSettings>().transition = Duration::ZERO;
     app.world_mut().resource_mut::<ControlSettings>().fall = Duration::ZERO;
     let powers = |app: &mut App, limit: Option<f64>| {
@@ -118,7 +117,7 @@ fn a_budget_is_held_on_a_device_that_is_hungrier_than_the_maps() {
     read(&mut app, None);
     run(&mut app, 8);
     assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Held, at(0, 0)));
-    app.world_mut().resource_mut::<PowerFeedback>().is_enabled = false;
+    app.world_mut().resource_mut::<ControlSettings>().power_feedback = false;
     run(&mut app, 20);
     assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
 }
@@ -218,7 +217,7 @@ fn a_knob_of_the_app_is_agreed_on_and_paid_by_every_camera() {
     let look =
         GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
     let limited = Budget::power(Watts(3.0));
-    let other = app.world_mut().spawn((FrontierMapHandle(map), limited, lens(), look)).id();
+    let other = app.world_mut().spawn((PowerController(map), limited, lens(), look)).id();
     let mut settings = app.world_mut().resource_mut::<ControlSettings>();
     (settings.transition, settings.fall) = (Duration::ZERO, Duration::ZERO);
     settings.dwell = Duration::ZERO;

@@ -9,7 +9,6 @@ use bevy::asset::io::memory::{Dir, MemoryAssetReader};
 use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
 use bevy::asset::{AssetApp, AssetPlugin, Handle};
 use bevy::camera::{PerspectiveProjection, Projection};
-use bevy::ecs::message::{Message, Messages};
 use bevy::math::Vec3;
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::{GlobalTransform, Transform};
@@ -57,7 +56,7 @@ fn scene(budget: Budget) -> (App, Entity, Handle<FrontierMap>) {
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
     let camera = app
         .world_mut()
-        .spawn((FrontierMapHandle(map.clone()), budget, lens(), GlobalTransform::IDENTITY))
+        .spawn((PowerController(map.clone()), budget, lens(), GlobalTransform::IDENTITY))
         .id();
     (app, camera, map)
 }
@@ -193,10 +192,8 @@ fn each_camera_gets_the_settings_of_its_own_view() {
     // Along +X the same settings cost 1, 2 and 4 W.
     let look =
         GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
-    let other = app
-        .world_mut()
-        .spawn((FrontierMapHandle(map), Budget::power(Watts(6.5)), lens(), look))
-        .id();
+    let other =
+        app.world_mut().spawn((PowerController(map), Budget::power(Watts(6.5)), lens(), look)).id();
     app.update();
     assert_eq!((applied(&app, camera), applied(&app, other)), (at(0, 0), at(4, 2)));
     assert_eq!(
@@ -229,7 +226,7 @@ fn unmet_budgets_are_reported_and_invalid_ones_keep_the_settings() {
 fn a_released_camera_keeps_its_settings_and_can_return() {
     let (mut app, camera, map) = scene(Budget::power(Watts(6.0)));
     app.update();
-    app.world_mut().entity_mut(camera).remove::<FrontierMapHandle>();
+    app.world_mut().entity_mut(camera).remove::<PowerController>();
     app.update();
     assert!(
         app.world().get::<Selection>(camera).is_none()
@@ -239,7 +236,7 @@ fn a_released_camera_keeps_its_settings_and_can_return() {
     app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(3, 1);
     run(&mut app, 3);
     assert_eq!(applied(&app, camera), at(3, 1), "the app's own settings");
-    app.world_mut().entity_mut(camera).insert(FrontierMapHandle(map));
+    app.world_mut().entity_mut(camera).insert(PowerController(map));
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));
     // What the app writes over the controller's settings stays until it is released; from there the
@@ -268,8 +265,17 @@ fn inactive_cameras_are_left_alone() {
 }
 
 /// Messages of one kind so far.
-fn messages<M: Message + Copy>(app: &App) -> Vec<M> {
-    app.world().resource::<Messages<M>>().iter_current_update_messages().copied().collect()
+/// Events of a kind since the last look.
+#[derive(Resource)]
+struct Seen<E>(Vec<E>);
+
+fn watch<E: EntityEvent + Copy>(app: &mut App) {
+    app.insert_resource(Seen::<E>(Vec::new()));
+    app.add_observer(|event: On<E>, mut seen: ResMut<Seen<E>>| seen.0.push(*event));
+}
+
+fn seen<E: EntityEvent + Copy>(app: &mut App) -> Vec<E> {
+    std::mem::take(&mut app.world_mut().resource_mut::<Seen<E>>().0)
 }
 
 #[test]
@@ -294,28 +300,31 @@ fn a_transition_is_not_met_before_it_arrives() {
 #[test]
 fn switches_and_states_are_told_once() {
     let (mut app, camera, map) = scene(Budget::default());
+    watch::<BudgetStateChanged>(&mut app);
+    watch::<SettingsSwitched>(&mut app);
+    watch::<MapRejected>(&mut app);
     app.update();
     let to = ControlStatus::Active(Outcome::Met);
     let first = BudgetStateChanged { camera, from: ControlStatus::Waiting, to };
-    assert_eq!(messages::<BudgetStateChanged>(&app), [first]);
-    assert_eq!(messages::<SettingsSwitched>(&app), [], "the first settings are no switch");
+    assert_eq!(seen::<BudgetStateChanged>(&mut app), [first]);
+    assert_eq!(seen::<SettingsSwitched>(&mut app), [], "the first settings are no switch");
     app.world_mut().resource_mut::<ControlSettings>().fall = Duration::ZERO;
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
     app.update();
     let switch = SettingsSwitched { camera, from: at(4, 2), to: at(0, 0), target: at(0, 0) };
-    assert_eq!(messages::<SettingsSwitched>(&app), [switch]);
+    assert_eq!(seen::<SettingsSwitched>(&mut app), [switch]);
     for _ in 0..3 {
         app.update();
-        assert_eq!(messages::<SettingsSwitched>(&app), []);
-        assert_eq!(messages::<BudgetStateChanged>(&app), []);
+        assert_eq!(seen::<SettingsSwitched>(&mut app), []);
+        assert_eq!(seen::<BudgetStateChanged>(&mut app), []);
     }
     let newer = FrontierMap { version: FrontierMap::VERSION + 1, ..testing::map(1) };
     *app.world_mut().resource_mut::<Assets<FrontierMap>>().get_mut(&map).expect("the map") = newer;
     app.update();
     let rejected = MapRejected { camera, reason: OffReason::MapInvalid };
-    assert_eq!(messages::<MapRejected>(&app), [rejected]);
+    assert_eq!(seen::<MapRejected>(&mut app), [rejected]);
     app.update();
-    assert_eq!(messages::<MapRejected>(&app), []);
+    assert_eq!(seen::<MapRejected>(&mut app), []);
 }
 
 #[test]
@@ -324,7 +333,7 @@ fn removing_both_sources_at_once_forgets_the_camera() {
     let store = FrontierSource::new(testing::map(1));
     app.world_mut().entity_mut(camera).insert(store);
     app.update();
-    app.world_mut().entity_mut(camera).remove::<(FrontierMapHandle, FrontierSource)>();
+    app.world_mut().entity_mut(camera).remove::<(PowerController, FrontierSource)>();
     app.update();
     let camera = app.world().entity(camera);
     assert!(!camera.contains::<Selection>() && !camera.contains::<CameraState>());

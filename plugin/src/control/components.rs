@@ -10,33 +10,24 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
 use super::state::CameraState;
-use super::{Budget, ErrorFeedback, ErrorPace, KnobBounds, Limit, Outcome, SettingsFilter};
-use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, SampleCamera};
+use super::{Limit, Outcome};
+use crate::frontier::{CostPoint, FrontierMap, FrontierStore, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
 
 /// Puts a camera under the controller, with the frontiers of a map. Adds a [`Budget`] without
 /// limits unless the camera has one.
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
-#[require(
-    Budget,
-    CameraState,
-    ErrorFeedback,
-    ErrorPace,
-    KnobBounds,
-    MapFit,
-    Selection,
-    SettingsFilter
-)]
-pub struct FrontierMapHandle(pub Handle<FrontierMap>);
+#[require(CameraState)]
+pub struct PowerController(pub Handle<FrontierMap>);
 
-impl From<Handle<FrontierMap>> for FrontierMapHandle {
+impl From<Handle<FrontierMap>> for PowerController {
     fn from(handle: Handle<FrontierMap>) -> Self {
         Self(handle)
     }
 }
 
-impl AsAssetId for FrontierMapHandle {
+impl AsAssetId for PowerController {
     type Asset = FrontierMap;
 
     fn as_asset_id(&self) -> AssetId<FrontierMap> {
@@ -45,18 +36,9 @@ impl AsAssetId for FrontierMapHandle {
 }
 
 /// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Takes
-/// precedence over a [`FrontierMapHandle`] on the same camera.
+/// precedence over a [`PowerController`] on the same camera.
 #[derive(Component, Clone)]
-#[require(
-    Budget,
-    CameraState,
-    ErrorFeedback,
-    ErrorPace,
-    KnobBounds,
-    MapFit,
-    Selection,
-    SettingsFilter
-)]
+#[require(CameraState)]
 pub struct FrontierSource {
     store: Arc<dyn FrontierStore>,
     space: Arc<KnobSpace>,

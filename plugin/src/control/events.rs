@@ -1,15 +1,16 @@
-//! Messages of the controller.
+//! Events of the controller, for observers of a camera or of all.
 
 use bevy::ecs::entity::Entity;
-use bevy::ecs::message::Message;
+use bevy::ecs::event::EntityEvent;
 
 use super::{ControlStatus, OffReason};
 use crate::knobs::KnobLevels;
 
 /// The controller has written other settings to a camera. Not sent for a camera's first settings.
-#[derive(Message, Clone, Copy, Debug, PartialEq)]
+#[derive(EntityEvent, Clone, Copy, Debug, PartialEq)]
 pub struct SettingsSwitched {
     /// The camera.
+    #[event_target]
     pub camera: Entity,
     /// The settings before.
     pub from: KnobLevels,
@@ -21,9 +22,10 @@ pub struct SettingsSwitched {
 
 /// The [status](ControlStatus) of a camera has changed: its budget is met, or no longer, or the
 /// controller is off.
-#[derive(Message, Clone, Copy, Debug, PartialEq)]
+#[derive(EntityEvent, Clone, Copy, Debug, PartialEq)]
 pub struct BudgetStateChanged {
     /// The camera.
+    #[event_target]
     pub camera: Entity,
     /// The status before.
     pub from: ControlStatus,
@@ -33,9 +35,10 @@ pub struct BudgetStateChanged {
 
 /// A camera's map cannot be used: [`OffReason`] says why, and the log how to mend it. Sent once,
 /// until the camera's status changes.
-#[derive(Message, Clone, Copy, Debug, PartialEq)]
+#[derive(EntityEvent, Clone, Copy, Debug, PartialEq)]
 pub struct MapRejected {
     /// The camera.
+    #[event_target]
     pub camera: Entity,
     /// Why.
     pub reason: OffReason,

@@ -11,15 +11,15 @@ use frugal_core::control::Limits;
 
 use super::state::CameraState;
 use super::{
-    Budget, CameraPriority, Choice, ErrorFeedback, ErrorPace, FrontierMapHandle, FrontierSource,
-    KnobBounds, Limit, Selection, SettingsFilter,
+    Budget, CameraPriority, Choice, ErrorFeedback, ErrorPace, FrontierSource, KnobBounds, Limit,
+    PowerController, Selection, SettingsFilter,
 };
 use crate::cut::CameraCut;
 use crate::frontier::{CameraView, Frontier, FrontierStore, MapFit, SampleCamera, SharedLevels};
 use crate::knobs::{KnobLevels, KnobSettings, KnobSpace, WarmKnobs};
 use crate::units::Watts;
 
-pub(super) type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
+pub(super) type Source<'w> = AnyOf<(&'w PowerController, &'w FrontierSource)>;
 
 /// A camera under the controller.
 #[derive(QueryData)]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
 use bevy::ecs::prelude::*;
 
-use super::{ControlStatus, FrontierMapHandle, FrontierSource, OffReason};
+use super::{ControlStatus, FrontierSource, OffReason, PowerController};
 use crate::frontier::{Frontier, FrontierMap, FrontierStore, SampleRef};
 use crate::knobs::{KnobSpace, KnownKnobs};
 
@@ -106,7 +106,7 @@ pub(super) fn refuse(
 
 /// The store of a camera's frontiers and its knob space; no message while they are loading.
 pub(super) fn source_of<'a>(
-    (handle, source): (Option<&FrontierMapHandle>, Option<&'a FrontierSource>),
+    (handle, source): (Option<&PowerController>, Option<&'a FrontierSource>),
     maps: &'a Assets<FrontierMap>,
     server: Option<&AssetServer>,
     prepared: &mut PreparedMaps,

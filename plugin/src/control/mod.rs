@@ -3,7 +3,7 @@
 //!
 //! | component of a camera | written by | holds |
 //! |---|---|---|
-//! | [`FrontierMapHandle`] or [`FrontierSource`] | the app | the source of its frontiers |
+//! | [`PowerController`] or [`FrontierSource`] | the app | the source of its frontiers |
 //! | [`Budget`] | the app | its power and error limits |
 //! | [`KnobBounds`] | the app, and whoever writes to `KnobSettings` | levels that the controller may set |
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
@@ -28,7 +28,7 @@ mod state;
 mod write;
 
 pub use app_budget::{AppBudget, CameraPriority};
-pub use components::{ControlStatus, FrontierMapHandle, FrontierSource, OffReason, Selection};
+pub use components::{ControlStatus, FrontierSource, OffReason, PowerController, Selection};
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use frugal_core::control::{
     Budget, BudgetError, CameraController, Choice, ControlSettings, Decisions, ErrorFeedback,

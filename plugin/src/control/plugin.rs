@@ -35,7 +35,7 @@ pub enum ControlSystems {
     Observe,
     /// Then, for every camera: finds its frontier and how well it fits
     /// ([`MapFit`](crate::frontier::MapFit)), selects a point of it, divides the [`AppBudget`], moves
-    /// the settings, writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings), and sends
+    /// the settings, writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings), and triggers
     /// [`SettingsSwitched`], [`BudgetStateChanged`] and [`MapRejected`].
     Control,
 }
@@ -59,10 +59,7 @@ impl Plugin for ControlPlugin {
             .init_resource::<FrameRate>()
             .init_resource::<FeedbackModel>()
             .init_resource::<maps::PreparedMaps>()
-            .add_message::<SettingsSwitched>()
-            .add_message::<BudgetStateChanged>()
-            .add_message::<MapRejected>()
-            .add_observer(camera::forget_camera::<FrontierMapHandle>)
+            .add_observer(camera::forget_camera::<PowerController>)
             .add_observer(camera::forget_camera::<FrontierSource>)
             .configure_sets(
                 PostUpdate,
@@ -120,6 +117,7 @@ fn observe_app(
     (frame_time, battery, headroom): (Res<FrameTime>, Res<BatteryLevel>, Res<ThermalHeadroom>),
     cameras: Query<(&CameraState, &MapFit)>,
     mut model: ResMut<FeedbackModel>,
+    settings: Res<ControlSettings>,
     mut feedback: ResMut<PowerFeedback>,
     mut signals: ResMut<SignalModel>,
 ) {
@@ -127,8 +125,15 @@ fn observe_app(
     let active = cameras.iter().filter_map(|(state, fit)| state.predicted(fit));
     let predicted = sum(active.clone());
     rate.observe(delta_seconds, predicted);
-    let new =
-        model.observe(active, predicted, delta_seconds, metered.as_deref(), &mut rate, &feedback);
+    let new = model.observe(
+        active,
+        predicted,
+        delta_seconds,
+        metered.as_deref(),
+        &mut rate,
+        settings.power_feedback,
+        &feedback,
+    );
     feedback.set_if_neq(new);
     // What a limiter of the frame rate waits is no work.
     let waited = wait.map_or(0.0, |wait| wait.0.as_secs_f64());

@@ -1,9 +1,7 @@
 //! Metered against predicted power, of all controlled cameras together.
 
 use bevy::ecs::prelude::*;
-use bevy::ecs::reflect::ReflectResource;
 use bevy::log::warn;
-use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use frugal_core::control::{FrameKind, FrameRate, RatedAt};
 
@@ -28,17 +26,13 @@ pub enum FeedbackState {
 }
 
 /// Correction of predicted power by [`MeteredPower`], which holds a budget in watts on a device
-/// other than the map's, or one that has been throttled. An app may write `is_enabled`; the rest is
-/// written by the controller.
+/// other than the map's, or one that has been throttled. Written by the controller;
+/// [`ControlSettings::power_feedback`](super::ControlSettings::power_feedback) turns it off.
 ///
 /// The meter's power must be that of the controlled cameras and of constant others: with it, a
 /// power budget is one on metered watts.
-#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub struct PowerFeedback {
-    /// Whether a trustworthy meter corrects the predictions: a measured one, or the modelled one
-    /// that the map was made with. Default: true.
-    pub is_enabled: bool,
     /// What happens.
     pub state: FeedbackState,
     /// The correction in use, of the sum over all controlled cameras: what the meter says, after
@@ -54,20 +48,6 @@ pub struct PowerFeedback {
     pub has_left_map: bool,
     /// Number of active controlled cameras.
     pub(super) cameras: usize,
-}
-
-impl Default for PowerFeedback {
-    fn default() -> Self {
-        Self {
-            is_enabled: true,
-            state: FeedbackState::Off,
-            correction: PowerCorrection::default(),
-            deviation: None,
-            readings: 0,
-            has_left_map: false,
-            cameras: 0,
-        }
-    }
 }
 
 impl PowerFeedback {
@@ -104,7 +84,8 @@ impl FeedbackModel {
         delta_seconds: f64,
         metered: Option<&MeteredPower>,
         rate: &mut FrameRate,
-        feedback: &PowerFeedback,
+        is_enabled: bool,
+        before: &PowerFeedback,
     ) -> PowerFeedback {
         let count = cameras.clone().count();
         let at_rate = rate.correction(cameras.clone().map(|camera| camera.rated_at));
@@ -120,7 +101,7 @@ impl FeedbackModel {
             let is_measured = |info: &crate::power::MeterInfo| {
                 info.provenance == Provenance::Measured || is_maps_meter
             };
-            feedback.is_enabled && metered.info.as_ref().is_some_and(is_measured)
+            is_enabled && metered.info.as_ref().is_some_and(is_measured)
         });
         if let Some(metered) = trusted
             && metered.sample_count != self.seen
@@ -129,7 +110,7 @@ impl FeedbackModel {
             self.seen = metered.sample_count;
             self.model.read(watts, interval.as_secs_f64());
         }
-        self.feedback(trusted, at_rate, count, feedback)
+        self.feedback(trusted, at_rate, count, before)
     }
 
     fn feedback(
@@ -170,7 +151,6 @@ impl FeedbackModel {
             readings,
             has_left_map,
             cameras,
-            ..*before
         }
     }
 }

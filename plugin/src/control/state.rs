@@ -4,11 +4,13 @@ use bevy::ecs::component::Component;
 use frugal_core::control::{BoundedFrontier, RatedAt};
 
 use super::power_feedback::Predicted;
+use super::{Budget, ErrorFeedback, ErrorPace, KnobBounds, Selection, SettingsFilter};
 use crate::frontier::{MapFit, Misfit};
 use crate::units::Watts;
 
 /// The controller's state of one camera.
 #[derive(Component, Debug, Default)]
+#[require(Budget, ErrorFeedback, ErrorPace, KnobBounds, MapFit, Selection, SettingsFilter)]
 pub(super) struct CameraState {
     /// Predicted power of the applied settings in the map's watts; `None` while the controller is
     /// off.

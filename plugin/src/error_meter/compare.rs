@@ -93,13 +93,13 @@ impl FromWorld for ComparePipeline {
             ),
         );
         let sampler = world.resource::<RenderDevice>().create_sampler(&SamplerDescriptor {
-            label: Some("bevy_frugal_gi/error_meter"),
+            label: Some("frugal_gi/error_meter"),
             min_filter: FilterMode::Linear,
             mag_filter: FilterMode::Linear,
             ..default()
         });
         Self {
-            layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/error_meter", &entries),
+            layout: BindGroupLayoutDescriptor::new("frugal_gi/error_meter", &entries),
             shader: load_embedded_asset!(world, "compare.wgsl"),
             sampler,
             pipeline: None,
@@ -144,7 +144,7 @@ fn compare(
     let ComparePipeline { layout, shader, sampler, pipeline } = &mut *pipeline;
     let id = *pipeline.get_or_insert_with(|| {
         cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some("bevy_frugal_gi/error_meter".into()),
+            label: Some("frugal_gi/error_meter".into()),
             layout: vec![layout.clone()],
             shader: shader.clone(),
             entry_point: Some("compare".into()),
@@ -181,16 +181,16 @@ fn compare(
         buffer.buffer.as_entire_binding(),
     ));
     let bindings = context.render_device().create_bind_group(
-        "bevy_frugal_gi/error_meter",
+        "frugal_gi/error_meter",
         &cache.get_bind_group_layout(layout),
         &entries,
     );
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/error_meter");
+    let span = diagnostics.time_span(context.command_encoder(), "frugal_gi/error_meter");
     {
         let descriptor =
-            ComputePassDescriptor { label: Some("bevy_frugal_gi/error_meter"), ..default() };
+            ComputePassDescriptor { label: Some("frugal_gi/error_meter"), ..default() };
         let mut pass = context.command_encoder().begin_compute_pass(&descriptor);
         let groups = groups(tile);
         pass.set_bind_group(0, &bindings, &[]);

@@ -57,7 +57,7 @@ use bevy::render::{Render, RenderApp, RenderSystems};
 
 #[cfg(feature = "inspect")]
 pub use debug::inspect;
-pub use debug::{GI_DIAGNOSTICS, GiCounts};
+pub use debug::{GiCounts, GiDiagnosticsPlugin};
 pub use rsm::RsmView;
 pub use schedule::{GiSupport, GiSystems};
 pub use settings::{
@@ -140,7 +140,7 @@ impl Plugin for GiPlugin {
             gather::GatherPlugin,
             denoise::DenoisePlugin,
             composite::CompositePlugin,
-            debug::DebugPlugin,
+            GiDiagnosticsPlugin,
         ));
     }
 

@@ -27,7 +27,7 @@ const MAX_WAIT_SECONDS: f32 = 120.0;
 /// shows an incomplete image. Each wait ends after 120 s at the latest, with a warning.
 ///
 /// While present it controls the camera's [`KnobSettings`], and the image changes every frame:
-/// cover it with a loading screen, and give the camera its [map](crate::control::FrontierMapHandle)
+/// cover it with a loading screen, and give the camera its [map](crate::control::PowerController)
 /// after this component is removed. A camera without settings is left at the best ones.
 ///
 /// Pipelines depend on the visible materials: let the camera view each kind of material of the app

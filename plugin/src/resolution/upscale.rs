@@ -33,7 +33,7 @@ pub(super) struct UpscalePipelines {
 impl FromWorld for UpscalePipelines {
     fn from_world(world: &mut World) -> Self {
         let layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/upscale",
+            "frugal_gi/upscale",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
                 (
@@ -44,7 +44,7 @@ impl FromWorld for UpscalePipelines {
         );
         world.init_resource::<SpecializedRenderPipelines<UpscalePipelines>>();
         let sampler = world.resource::<RenderDevice>().create_sampler(&SamplerDescriptor {
-            label: Some("bevy_frugal_gi/upscale"),
+            label: Some("frugal_gi/upscale"),
             min_filter: FilterMode::Linear,
             mag_filter: FilterMode::Linear,
             ..default()
@@ -59,7 +59,7 @@ impl SpecializedRenderPipeline for UpscalePipelines {
 
     fn specialize(&self, (target_format, blend): Self::Key) -> RenderPipelineDescriptor {
         RenderPipelineDescriptor {
-            label: Some("bevy_frugal_gi/upscale".into()),
+            label: Some("frugal_gi/upscale".into()),
             layout: vec![self.layout.clone()],
             vertex: self.vertex.clone(),
             fragment: Some(FragmentState {
@@ -137,16 +137,16 @@ pub(super) fn upscale(
         return;
     };
     let bind_group = context.render_device().create_bind_group(
-        "bevy_frugal_gi/upscale",
+        "frugal_gi/upscale",
         &cache.get_bind_group_layout(&pipelines.layout),
         &BindGroupEntries::sequential((target.main_texture_view(), &pipelines.sampler)),
     );
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/upscale");
+    let span = diagnostics.time_span(context.command_encoder(), "frugal_gi/upscale");
     {
         let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some("bevy_frugal_gi/upscale"),
+            label: Some("frugal_gi/upscale"),
             color_attachments: &[Some(attachment)],
             depth_stencil_attachment: None,
             timestamp_writes: None,

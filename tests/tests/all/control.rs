@@ -5,7 +5,7 @@ use std::time::Duration;
 use bevy::asset::Assets;
 use bevy::math::Vec3;
 use bevy_frugal_gi::control::{
-    Budget, ControlSettings, ControlStatus, FrontierMapHandle, OffReason, Outcome, Selection,
+    Budget, ControlSettings, ControlStatus, OffReason, Outcome, PowerController, Selection,
 };
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::gi::FrugalGi;
@@ -42,7 +42,7 @@ fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
         ..Default::default()
     });
     let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
-    world.entity_mut(camera).insert((FrontierMapHandle(map), budget));
+    world.entity_mut(camera).insert((PowerController(map), budget));
     (0..2).for_each(|_| stage.frame());
 }
 

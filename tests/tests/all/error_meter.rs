@@ -7,7 +7,7 @@ use bevy::camera::Camera;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
 use bevy::math::{UVec2, Vec3};
-use bevy_frugal_gi::control::{Budget, ErrorFeedback, FrontierMapHandle};
+use bevy_frugal_gi::control::{Budget, ErrorFeedback, PowerController};
 use bevy_frugal_gi::error_meter::{ErrorMeter, ErrorProbe, MeasuredError};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::units::Watts;
@@ -173,7 +173,7 @@ fn the_controller_learns_from_measurements() {
     let knobs = stage.space().subset(["gi_vpl_count", "gi_pixel_fraction"]).expect("knobs");
     let world = stage.world_mut();
     let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
-    world.entity_mut(camera).insert((FrontierMapHandle(map), Budget::power(Watts(2.5))));
+    world.entity_mut(camera).insert((PowerController(map), Budget::power(Watts(2.5))));
     for _ in 0..40 {
         stage.frame();
     }

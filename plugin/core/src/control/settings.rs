@@ -1,4 +1,4 @@
-//! Transition times of the controller.
+//! What an app sets of the controller.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use bevy_reflect::std_traits::ReflectDefault;
 use super::limits::Limits;
 use super::{Budget, TransitionTimes};
 
-/// Transition times of the controller, for all cameras, in real time. [`Duration::ZERO`] switches at
+/// Settings of the controller, for all cameras. Times are real time: [`Duration::ZERO`] switches at
 /// once, [`Duration::MAX`] never.
 ///
 /// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over.
@@ -41,6 +41,9 @@ pub struct ControlSettings {
     /// those of one transition are always allowed. Lower values change quality less often and use
     /// less of the budget; infinity and NaN are no limit. Default: 0.85.
     pub changes_per_second: f64,
+    /// Whether the app's meter corrects predicted power: a measured one, or the modelled one that the
+    /// map was made with. Default: true.
+    pub power_feedback: bool,
 }
 
 impl ControlSettings {
@@ -72,6 +75,7 @@ impl Default for ControlSettings {
             fall: Duration::from_millis(500),
             dwell: Duration::from_millis(500),
             changes_per_second: 0.85,
+            power_feedback: true,
         }
     }
 }

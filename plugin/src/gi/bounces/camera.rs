@@ -81,27 +81,27 @@ impl BounceCamera {
         Self {
             held: Arc::clone(patches),
             patches: filled(
-                "bevy_frugal_gi/bounces/patches",
+                "frugal_gi/bounces/patches",
                 bytemuck::cast_slice(patches),
                 BufferUsages::STORAGE,
             ),
             bounce_vpls: empty(
-                "bevy_frugal_gi/bounces/bounce_vpls",
+                "frugal_gi/bounces/bounce_vpls",
                 u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
                 BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
             ),
             plan: filled(
-                "bevy_frugal_gi/bounces/plan",
+                "frugal_gi/bounces/plan",
                 bytemuck::bytes_of(&BOUNCE_VPLS),
                 BufferUsages::STORAGE,
             ),
             importance: empty(
-                "bevy_frugal_gi/bounces/importance",
+                "frugal_gi/bounces/importance",
                 IMPORTANCE_POINTS_BYTES,
                 BufferUsages::STORAGE,
             ),
             range: filled(
-                "bevy_frugal_gi/bounces/range",
+                "frugal_gi/bounces/range",
                 &range_bytes(inputs.store.1),
                 BufferUsages::UNIFORM,
             ),

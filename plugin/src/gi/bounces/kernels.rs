@@ -56,10 +56,10 @@ impl FromWorld for BounceKernels {
                 .with_group(OccluderBuffers::layout())
         };
         Self {
-            pick: Kernel::new("bevy_frugal_gi/bounces/pick", "pick_patches", &pick, &picking),
+            pick: Kernel::new("frugal_gi/bounces/pick", "pick_patches", &pick, &picking),
             reflect: [
-                reflect("bevy_frugal_gi/bounces/reflect", &without_sky),
-                reflect("bevy_frugal_gi/bounces/reflect/sky", &with_sky),
+                reflect("frugal_gi/bounces/reflect", &without_sky),
+                reflect("frugal_gi/bounces/reflect/sky", &with_sky),
             ],
         }
     }

@@ -172,7 +172,7 @@ pub(super) fn reflect(
     // In the first round patches emit nothing yet.
     let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
     let clear = (texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
-    compute_pass(&mut context, "bevy_frugal_gi/bounces", &[clear], |pass| {
+    compute_pass(&mut context, "frugal_gi/bounces", &[clear], |pass| {
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);

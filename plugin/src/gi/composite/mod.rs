@@ -136,11 +136,7 @@ fn draw(
             entries = entries.extend_with_indices(((5, &occlusion.default_view),));
         }
         let layout = cache.get_bind_group_layout(&key.layout());
-        Some(context.render_device().create_bind_group(
-            "bevy_frugal_gi/composite",
-            &layout,
-            &entries,
-        ))
+        Some(context.render_device().create_bind_group("frugal_gi/composite", &layout, &entries))
     })();
     let drawn = bind_group.zip(cache.get_render_pipeline(*id));
     if drawn.is_none() && !alone {
@@ -160,10 +156,10 @@ fn draw(
     }
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/composite");
+    let span = diagnostics.time_span(context.command_encoder(), "frugal_gi/composite");
     {
         let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some("bevy_frugal_gi/composite"),
+            label: Some("frugal_gi/composite"),
             color_attachments: &[Some(attachment)],
             depth_stencil_attachment: None,
             timestamp_writes: None,

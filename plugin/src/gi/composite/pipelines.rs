@@ -81,7 +81,7 @@ impl CompositeKey {
             let occlusion = texture_2d(TextureSampleType::Float { filterable: false });
             entries = entries.extend_with_indices(((5, occlusion),));
         }
-        BindGroupLayoutDescriptor::new("bevy_frugal_gi/composite", &entries)
+        BindGroupLayoutDescriptor::new("frugal_gi/composite", &entries)
     }
 }
 
@@ -112,7 +112,7 @@ impl SpecializedRenderPipeline for CompositePipelines {
             operation: BlendOperation::Add,
         };
         RenderPipelineDescriptor {
-            label: Some("bevy_frugal_gi/composite".into()),
+            label: Some("frugal_gi/composite".into()),
             layout: vec![key.layout()],
             vertex: self.vertex.clone(),
             fragment: Some(FragmentState {

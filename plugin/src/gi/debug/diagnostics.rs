@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bevy::app::{App, PreUpdate};
+use bevy::app::{App, Plugin, PreUpdate};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::ecs::prelude::*;
 use bevy::prelude::ReflectDefault;
@@ -50,36 +50,72 @@ pub struct GiCounts {
     pub uploaded: u64,
 }
 
+/// Puts [`GiCounts`] into Bevy's diagnostics. Part of [`GiPlugin`](crate::gi::GiPlugin). GPU times are in
+/// Bevy's render diagnostics under `frugal_gi/…`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GiDiagnosticsPlugin;
+
+impl Plugin for GiDiagnosticsPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<GiCounts>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        finish(app);
+    }
+}
+
+impl GiDiagnosticsPlugin {
+    /// [`GiCounts::maps`].
+    pub const MAPS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/maps");
+    /// [`GiCounts::waiting_maps`].
+    pub const WAITING_MAPS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/waiting_maps");
+    /// [`GiCounts::cameras`].
+    pub const CAMERAS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/cameras");
+    /// [`GiCounts::settling`].
+    pub const SETTLING: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/settling");
+    /// [`GiCounts::patches`].
+    pub const PATCHES: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/patches");
+    /// [`GiCounts::vpls`].
+    pub const VPLS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/vpls");
+    /// [`GiCounts::pairs`].
+    pub const PAIRS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/pairs");
+    /// [`GiCounts::rays`].
+    pub const RAYS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/rays");
+    /// [`GiCounts::bytes`], in MiB.
+    pub const MEMORY: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/memory");
+    /// [`GiCounts::uploaded`], in KiB.
+    pub const UPLOADS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/uploads");
+}
+
 /// A diagnostic: path, unit suffix, and its value.
 type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
-/// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths
-/// in Bevy's render diagnostics.
-pub const GI_DIAGNOSTICS: [Count; 10] = [
-    (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
-    (DiagnosticPath::const_new("gi/waiting_maps"), "", |counts| f64::from(counts.waiting_maps)),
-    (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
-    (DiagnosticPath::const_new("gi/settling"), "", |counts| f64::from(counts.settling)),
-    (DiagnosticPath::const_new("gi/patches"), "", |counts| counts.patches as f64),
-    (DiagnosticPath::const_new("gi/vpls"), "", |counts| counts.vpls as f64),
-    (DiagnosticPath::const_new("gi/pairs"), "", |counts| counts.pairs as f64),
-    (DiagnosticPath::const_new("gi/rays"), "", |counts| counts.rays as f64),
-    (DiagnosticPath::const_new("gi/memory"), " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
-    (DiagnosticPath::const_new("gi/uploads"), " KiB", |counts| counts.uploaded as f64 / 1024.0),
+const DIAGNOSTICS: [Count; 10] = [
+    (GiDiagnosticsPlugin::MAPS, "", |counts| f64::from(counts.maps)),
+    (GiDiagnosticsPlugin::WAITING_MAPS, "", |counts| f64::from(counts.waiting_maps)),
+    (GiDiagnosticsPlugin::CAMERAS, "", |counts| f64::from(counts.cameras)),
+    (GiDiagnosticsPlugin::SETTLING, "", |counts| f64::from(counts.settling)),
+    (GiDiagnosticsPlugin::PATCHES, "", |counts| counts.patches as f64),
+    (GiDiagnosticsPlugin::VPLS, "", |counts| counts.vpls as f64),
+    (GiDiagnosticsPlugin::PAIRS, "", |counts| counts.pairs as f64),
+    (GiDiagnosticsPlugin::RAYS, "", |counts| counts.rays as f64),
+    (GiDiagnosticsPlugin::MEMORY, " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
+    (GiDiagnosticsPlugin::UPLOADS, " KiB", |counts| counts.uploaded as f64 / 1024.0),
 ];
 
 /// Shared by both worlds.
 #[derive(Resource, Clone, Debug, Default)]
 struct SharedCounts(Arc<Mutex<GiCounts>>);
 
-pub(super) fn finish(app: &mut App) {
+fn finish(app: &mut App) {
     let shared = SharedCounts::default();
     let Some(render_app) = supported_render_app(app) else { return };
     render_app
         .insert_resource(shared.clone())
         .init_resource::<GiCounts>()
         .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
-    for (path, suffix, _) in GI_DIAGNOSTICS {
+    for (path, suffix, _) in DIAGNOSTICS {
         app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
     }
     app.insert_resource(shared).add_systems(PreUpdate, publish);
@@ -87,7 +123,7 @@ pub(super) fn finish(app: &mut App) {
 
 fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {
     let counts = *shared.0.lock().unwrap_or_else(PoisonError::into_inner);
-    for (path, _, value) in &GI_DIAGNOSTICS {
+    for (path, _, value) in &DIAGNOSTICS {
         diagnostics.add_measurement(path, || value(&counts));
     }
 }

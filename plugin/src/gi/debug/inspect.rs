@@ -217,7 +217,7 @@ impl GiPass {
         Self::Composite,
     ];
 
-    /// The name of its span among Bevy's render diagnostics, behind `bevy_frugal_gi/`.
+    /// The name of its span among Bevy's render diagnostics, behind `frugal_gi/`.
     pub fn name(self) -> &'static str {
         ["rsm", "sky", "bounces", "vpl", "gather", "denoise", "composite"][self as usize]
     }

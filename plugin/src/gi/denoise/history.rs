@@ -29,8 +29,8 @@ const REST_HISTORY: f32 = 8.0;
 /// converges sooner to the new settings.
 const FRAMES_AT_SWITCH: u32 = 8;
 
-const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
-const LENGTHS: &str = "bevy_frugal_gi/denoise/lengths";
+const FILTERED: &str = "frugal_gi/denoise/filtered";
+const LENGTHS: &str = "frugal_gi/denoise/lengths";
 /// Format of the lengths of history: every device can write it.
 pub(super) const LENGTH_FORMAT: TextureFormat = TextureFormat::R32Float;
 
@@ -118,7 +118,7 @@ impl History {
     fn new(device: &RenderDevice, view: &GiView) -> Self {
         let reprojection = filled_buffer(
             device,
-            "bevy_frugal_gi/denoise/reprojection",
+            "frugal_gi/denoise/reprojection",
             bytemuck::bytes_of(&Reprojection::NONE),
             BufferUsages::UNIFORM,
         );

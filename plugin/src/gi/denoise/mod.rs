@@ -107,8 +107,8 @@ impl FromWorld for DenoiseKernels {
             load_embedded_asset!(world, "temporal.wgsl"),
         );
         let (spatial, temporal) = (
-            Kernel::new("bevy_frugal_gi/denoise/spatial", "filter_spatially", &filter, &spatial),
-            Kernel::new("bevy_frugal_gi/denoise/temporal", "accumulate", &accumulate, &temporal),
+            Kernel::new("frugal_gi/denoise/spatial", "filter_spatially", &filter, &spatial),
+            Kernel::new("frugal_gi/denoise/temporal", "accumulate", &accumulate, &temporal),
         );
         let cache = world.resource::<PipelineCache>();
         Self {
@@ -166,7 +166,7 @@ pub(super) fn denoise(
         (pipeline, kernels.temporal.bind(&context, &cache, &entries))
     });
     let size = history.filtered.texture.size();
-    compute_pass(&mut context, "bevy_frugal_gi/denoise", &[], |pass| {
+    compute_pass(&mut context, "frugal_gi/denoise", &[], |pass| {
         let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));
         // The spatial filter's output stays while nothing is gathered.
         if view.work.gather {

@@ -123,9 +123,9 @@ impl FromWorld for GatherKernels {
         };
         let traced = |kernel: Kernel| kernel.with_group(OccluderBuffers::layout());
         let mut kernels = Self([
-            kernel("bevy_frugal_gi/gather", &without_sky),
-            traced(kernel("bevy_frugal_gi/gather", &without_sky)),
-            traced(kernel("bevy_frugal_gi/gather/sky", &with_sky)),
+            kernel("frugal_gi/gather", &without_sky),
+            traced(kernel("frugal_gi/gather", &without_sky)),
+            traced(kernel("frugal_gi/gather/sky", &with_sky)),
         ]);
         for visibility in GiVisibility::ALL {
             let kind = GatherKind { visibility, has_sky: false, has_masks: false };
@@ -231,7 +231,7 @@ pub(super) fn gather(
     };
     let bind_group = kernels.0[kind.kernel()].bind(&context, &cache, &entries);
     let size = gather.irradiance.texture.size();
-    compute_pass(&mut context, "bevy_frugal_gi/gather", &[], |pass| {
+    compute_pass(&mut context, "frugal_gi/gather", &[], |pass| {
         pass.set_pipeline(pipeline);
         if let Some(traced) = traced {
             pass.set_bind_group(1, traced, &[]);

@@ -13,7 +13,7 @@ use crate::gi::view::GiView;
 use crate::gi::vpl::{VplPlan, VplView};
 
 /// Label of irradiance textures.
-const IRRADIANCE: &str = "bevy_frugal_gi/gather/irradiance";
+const IRRADIANCE: &str = "frugal_gi/gather/irradiance";
 
 /// The irradiance of a GI camera. In the render world.
 #[derive(Component)]
@@ -62,7 +62,7 @@ impl GatherView {
 
 fn settings_buffer(device: &RenderDevice, plan: &VplPlan, fraction: GiPixelFraction) -> Buffer {
     let bytes = settings_bytes(plan, fraction);
-    filled_buffer(device, "bevy_frugal_gi/gather/settings", &bytes, BufferUsages::UNIFORM)
+    filled_buffer(device, "frugal_gi/gather/settings", &bytes, BufferUsages::UNIFORM)
 }
 
 /// Bytes from one dispatch's settings to the next.

@@ -42,7 +42,7 @@ impl FromWorld for RsmKernel {
                 write(),
             ),
         );
-        let mut kernel = Kernel::new("bevy_frugal_gi/rsm/resolve", "resolve", &shader, &entries);
+        let mut kernel = Kernel::new("frugal_gi/rsm/resolve", "resolve", &shader, &entries);
         for is_parallel in [false, true] {
             for shading in [GiShading::Standard, GiShading::Lambertian] {
                 kernel.queue(world.resource(), variant(is_parallel, shading));
@@ -116,7 +116,7 @@ pub(in crate::gi) fn resolve(
         )),
     );
     let (width, height) = (extracted.viewport.z, extracted.viewport.w);
-    compute_pass(&mut context, "bevy_frugal_gi/rsm", &[], |pass| {
+    compute_pass(&mut context, "frugal_gi/rsm", &[], |pass| {
         pass.set_bind_group(0, &bind_group, &[view_offset.offset, light_index.index()]);
         pass.set_pipeline(resolve);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);

@@ -95,7 +95,7 @@ pub(super) fn take_out_diffuse(
 }
 
 const DESCRIPTOR: TextureDescriptor<'static> = TextureDescriptor {
-    label: Some("bevy_frugal_gi/sky/black"),
+    label: Some("frugal_gi/sky/black"),
     size: Extent3d { width: 1, height: 1, depth_or_array_layers: 6 },
     mip_level_count: 1,
     sample_count: 1,

@@ -36,10 +36,10 @@ impl FromWorld for SkyKernels {
             load_embedded_asset!(world, "sample.wgsl"),
         ];
         Self {
-            fill: Kernel::new("bevy_frugal_gi/sky/fill", "fill_sky", &fill, &filling),
-            weigh: Kernel::new("bevy_frugal_gi/sky/weigh", "weigh_sky", &weigh, &weighing)
+            fill: Kernel::new("frugal_gi/sky/fill", "fill_sky", &fill, &filling),
+            weigh: Kernel::new("frugal_gi/sky/weigh", "weigh_sky", &weigh, &weighing)
                 .with_group(OccluderBuffers::layout()),
-            sample: Kernel::new("bevy_frugal_gi/sky/sample", "sample_sky", &sample, &sampling),
+            sample: Kernel::new("frugal_gi/sky/sample", "sample_sky", &sample, &sampling),
         }
     }
 }

@@ -79,7 +79,7 @@ pub(in crate::gi) fn sample(
         )),
     );
     let again = gi_view.work.samples_again() && camera.is_filled.load(Ordering::Relaxed);
-    compute_pass(&mut context, "bevy_frugal_gi/sky", &[], |pass| {
+    compute_pass(&mut context, "frugal_gi/sky", &[], |pass| {
         if again {
             pass.set_bind_group(0, &sampling, &[]);
             pass.set_pipeline(sample_pipeline);

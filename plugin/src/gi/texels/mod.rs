@@ -95,7 +95,7 @@ fn allocate(
         return;
     }
     let new = device.create_buffer(&BufferDescriptor {
-        label: Some("bevy_frugal_gi/texels"),
+        label: Some("frugal_gi/texels"),
         size,
         usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
         mapped_at_creation: false,
@@ -103,7 +103,7 @@ fn allocate(
     // Keeps the maps' texels, which stay in place while ranges grow or shrink, so that the maps need
     // not be rendered again.
     if let Some(old) = store.texels.as_ref().filter(|_| kept > 0) {
-        let label = Some("bevy_frugal_gi/texels/keep");
+        let label = Some("frugal_gi/texels/keep");
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label });
         encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(kept) * TEXEL_BYTES);
         queue.submit([encoder.finish()]);

@@ -117,10 +117,10 @@ const ITEM_BYTES: [usize; 4] =
     [size_of::<Node>(), size_of::<Instance>(), size_of::<Node>(), size_of::<TriangleWords>()];
 
 const LABELS: [&str; 4] = [
-    "bevy_frugal_gi/trace/instance_nodes",
-    "bevy_frugal_gi/trace/instances",
-    "bevy_frugal_gi/trace/mesh_nodes",
-    "bevy_frugal_gi/trace/triangles",
+    "frugal_gi/trace/instance_nodes",
+    "frugal_gi/trace/instances",
+    "frugal_gi/trace/mesh_nodes",
+    "frugal_gi/trace/triangles",
 ];
 
 impl OccluderBuffers {
@@ -132,7 +132,7 @@ impl OccluderBuffers {
             ShaderStages::COMPUTE,
             (read(), read(), read(), read()),
         );
-        BindGroupLayoutDescriptor::new("bevy_frugal_gi/trace", &entries)
+        BindGroupLayoutDescriptor::new("frugal_gi/trace", &entries)
     }
 
     /// Group 1, while a camera traces.
@@ -229,7 +229,7 @@ pub(super) fn prepare(
     {
         let [a, b, c, d] = [a, b, c, d].map(|buffer| buffer.as_entire_binding());
         buffers.bind_group = Some(device.create_bind_group(
-            "bevy_frugal_gi/trace",
+            "frugal_gi/trace",
             &cache.get_bind_group_layout(&OccluderBuffers::layout()),
             &BindGroupEntries::sequential((a, b, c, d)),
         ));

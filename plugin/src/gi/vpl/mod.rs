@@ -98,17 +98,17 @@ impl FromWorld for VplKernels {
         let tiles = load_embedded_asset!(world, "tile_visibility.wgsl");
         let cache = world.resource::<PipelineCache>();
         let weigh =
-            |entry_point| Kernel::new("bevy_frugal_gi/vpl/weigh", entry_point, &weigh, &weighing);
+            |entry_point| Kernel::new("frugal_gi/vpl/weigh", entry_point, &weigh, &weighing);
         let variants = || [false, true].map(weigh_variant);
         let sample = |entry_point| {
-            Kernel::new("bevy_frugal_gi/vpl/sample", entry_point, &sample, &sampling)
+            Kernel::new("frugal_gi/vpl/sample", entry_point, &sample, &sampling)
                 .queued(cache, [vec![]])
         };
         Self {
             pick_importance_points: weigh("pick_importance_points").queued(cache, [vec![]]),
             find_defensive_term: weigh("find_defensive_term").queued(cache, variants()),
             weigh_texels: weigh("weigh_texels").queued(cache, variants()),
-            trace_tiles: Kernel::new("bevy_frugal_gi/vpl/tiles", "trace_tiles", &tiles, &tracing)
+            trace_tiles: Kernel::new("frugal_gi/vpl/tiles", "trace_tiles", &tiles, &tracing)
                 .with_group(OccluderBuffers::layout())
                 .queued(cache, [tile_variant()]),
             accumulate_rows: sample("accumulate_rows"),
@@ -151,7 +151,7 @@ pub(super) fn sample(
         return;
     };
     let clears = traced.filter(|_| !again).map(|_| (&buffers.occluded_tiles, 0, None));
-    compute_pass(&mut context, "bevy_frugal_gi/vpl", clears.as_slice(), |pass| {
+    compute_pass(&mut context, "frugal_gi/vpl", clears.as_slice(), |pass| {
         if again {
             return passes.sample_again(pass);
         }

@@ -44,8 +44,8 @@ fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
     let storage = BufferUsages::STORAGE;
     let usage = storage | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
     (
-        filled_buffer(device, "bevy_frugal_gi/vpl/plan", bytemuck::bytes_of(plan), storage),
-        empty_buffer(device, "bevy_frugal_gi/vpl/vpls", plan.buffer_bytes(), usage),
+        filled_buffer(device, "frugal_gi/vpl/plan", bytemuck::bytes_of(plan), storage),
+        empty_buffer(device, "frugal_gi/vpl/vpls", plan.buffer_bytes(), usage),
     )
 }
 
@@ -121,17 +121,17 @@ impl SamplingBuffers {
         Self {
             row_table: filled_buffer(
                 device,
-                "bevy_frugal_gi/vpl/rows",
+                "frugal_gi/vpl/rows",
                 bytemuck::cast_slice(rows.as_slice()),
                 usage,
             ),
-            importance: empty("bevy_frugal_gi/vpl/importance", IMPORTANCE_POINTS_BYTES),
+            importance: empty("frugal_gi/vpl/importance", IMPORTANCE_POINTS_BYTES),
             occluded_tiles: empty(
-                "bevy_frugal_gi/vpl/occluded_tiles",
+                "frugal_gi/vpl/occluded_tiles",
                 rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4,
             ),
-            texel_cdf: empty("bevy_frugal_gi/vpl/texel_cdf", texels * 4),
-            row_cdf: empty("bevy_frugal_gi/vpl/row_cdf", rows.len() as u64 * 4),
+            texel_cdf: empty("frugal_gi/vpl/texel_cdf", texels * 4),
+            row_cdf: empty("frugal_gi/vpl/row_cdf", rows.len() as u64 * 4),
             longest_row: rows.iter().map(|row| row.length).max().unwrap_or(0),
             rows,
         }

@@ -98,12 +98,12 @@ impl Plugin for ControlLogPlugin {
             warn!("there is no control log: a browser has no files");
             return;
         }
-        app.add_message::<SettingsSwitched>();
         let settings = self.clone();
         let start = move |mut commands: Commands| start(&mut commands, &settings);
         let sample = sample.in_set(ControlLogSystems::Sample).run_if(resource_exists::<ControlLog>);
         app.add_systems(Startup, start.run_if(resource_exists::<Time<Real>>))
-            .add_systems(Last, sample);
+            .add_systems(Last, sample)
+            .add_observer(count_switch);
     }
 
     fn finish(&self, app: &mut App) {
@@ -163,6 +163,12 @@ fn start(commands: &mut Commands, settings: &ControlLogPlugin) {
     });
 }
 
+fn count_switch(switch: On<SettingsSwitched>, log: Option<ResMut<ControlLog>>) {
+    if let Some(mut log) = log {
+        *log.switches.entry(switch.camera).or_default() += 1;
+    }
+}
+
 type Cameras<'w, 's> = Query<
     'w,
     's,
@@ -178,15 +184,11 @@ type Cameras<'w, 's> = Query<
 fn sample(
     time: Res<Time<Real>>,
     mut log: ResMut<ControlLog>,
-    mut switched: MessageReader<SettingsSwitched>,
     cameras: Cameras<'_, '_>,
     app_budget: Option<Res<AppBudget>>,
     metered: Option<Res<MeteredPower>>,
 ) {
     let log = &mut *log;
-    for switch in switched.read() {
-        *log.switches.entry(switch.camera).or_default() += 1;
-    }
     log.frames.add(time.delta_secs_f64());
     let now = time.elapsed();
     if !log.file.is_running() || now < log.next_sample {
@@ -268,7 +270,7 @@ mod tests {
     use super::*;
     use crate::row_log::read_rows;
     use crate::testing::{self, changed};
-    use bevy_frugal_gi::control::{ControlPlugin, FrontierMapHandle};
+    use bevy_frugal_gi::control::{ControlPlugin, PowerController};
     use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
     use bevy_frugal_gi::power::{MeterInfo, Provenance};
 
@@ -283,7 +285,7 @@ mod tests {
         app.cleanup();
         let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map());
         let lens = Projection::Perspective(PerspectiveProjection::default());
-        let controlled = (FrontierMapHandle(map), Budget::power(Watts(7.5)));
+        let controlled = (PowerController(map), Budget::power(Watts(7.5)));
         let camera = app.world_mut().spawn((Camera::default(), lens, controlled)).id();
         (app, camera)
     }

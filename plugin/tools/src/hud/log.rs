@@ -6,6 +6,7 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use bevy::time::Real;
 
+use super::HudSettings;
 use super::text::switch_line;
 use bevy_frugal_gi::control::SettingsSwitched;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
@@ -67,18 +68,18 @@ impl SwitchLog {
     }
 }
 
-/// Adds this frame's switches.
+/// Adds a switch.
 pub(super) fn record(
+    switch: On<SettingsSwitched>,
+    settings: Res<HudSettings>,
     time: Option<Res<Time<Real>>>,
-    mut switched: MessageReader<SettingsSwitched>,
     cameras: Query<&KnobSettings>,
     mut log: ResMut<SwitchLog>,
 ) {
-    let seconds = time.map_or(0.0, |time| time.elapsed_secs_f64());
-    for switch in switched.read() {
-        if let Ok(knobs) = cameras.get(switch.camera) {
-            log.add(switch, &knobs.space, seconds);
-        }
+    if settings.visible
+        && let Ok(knobs) = cameras.get(switch.camera)
+    {
+        log.add(&switch, &knobs.space, time.map_or(0.0, |time| time.elapsed_secs_f64()));
     }
 }
 

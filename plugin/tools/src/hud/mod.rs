@@ -19,7 +19,7 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 use bevy_frugal_gi::camera_copy::share_atmosphere;
-use bevy_frugal_gi::control::{Selection, SettingsSwitched};
+use bevy_frugal_gi::control::Selection;
 use bevy_frugal_gi::knobs::KnobSettings;
 
 pub use wipe::HudWipe;
@@ -77,7 +77,7 @@ impl Plugin for HudPlugin {
         app.init_resource::<HudSettings>()
             .init_resource::<HudWipe>()
             .init_resource::<log::SwitchLog>()
-            .add_message::<SettingsSwitched>()
+            .add_observer(log::record)
             .register_type::<HudSettings>()
             .register_type::<HudWipe>()
             .register_type::<HudPart>()
@@ -86,7 +86,7 @@ impl Plugin for HudPlugin {
                 (
                     show::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
                     show::remove_panels.run_if(resource_changed::<HudSettings>),
-                    (show::spawn_panels, log::record, panel::write).chain().run_if(is_visible),
+                    (show::spawn_panels, panel::write).chain().run_if(is_visible),
                     wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
                     (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
                 )

@@ -11,8 +11,8 @@ use super::plot::{self, Plot};
 use super::text::{Detail, Facts, caption};
 use super::{HasPanel, HudPart};
 use bevy_frugal_gi::control::{
-    AppBudget, Budget, FrontierMapHandle, FrontierSource, PowerCorrection, PowerFeedback,
-    Selection, frontier_in_play,
+    AppBudget, Budget, FrontierSource, PowerController, PowerCorrection, PowerFeedback, Selection,
+    frontier_in_play,
 };
 use bevy_frugal_gi::error_meter::MeasuredError;
 use bevy_frugal_gi::frontier::{
@@ -99,7 +99,7 @@ pub(super) struct PanelQuery {
     fit: Option<&'static MapFit>,
     settings: Option<&'static KnobSettings>,
     warming: Option<&'static WarmKnobs>,
-    map: Option<&'static FrontierMapHandle>,
+    map: Option<&'static PowerController>,
     source: Option<&'static FrontierSource>,
     measured: Option<&'static MeasuredError>,
 }

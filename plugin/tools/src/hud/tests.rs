@@ -14,7 +14,7 @@ use bevy::time::TimeUpdateStrategy;
 use super::panel::Panel;
 use super::*;
 use crate::testing;
-use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, Selection};
+use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
 use bevy_frugal_gi::units::Watts;
@@ -32,7 +32,7 @@ fn scene() -> (App, Entity) {
     app.cleanup();
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map());
     let lens = Projection::Perspective(PerspectiveProjection::default());
-    let controlled = (FrontierMapHandle(map), Budget::power(Watts(7.5)));
+    let controlled = (PowerController(map), Budget::power(Watts(7.5)));
     let camera = app.world_mut().spawn((Camera::default(), lens, controlled)).id();
     (app, camera)
 }

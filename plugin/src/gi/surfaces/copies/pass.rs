@@ -34,7 +34,7 @@ impl FromWorld for CopyKernel {
             ),
         );
         let shader = load_embedded_asset!(world, "copy.wgsl");
-        Self(Kernel::new("bevy_frugal_gi/surfaces/copy", "copy_texture", &shader, &entries))
+        Self(Kernel::new("frugal_gi/surfaces/copy", "copy_texture", &shader, &entries))
     }
 }
 
@@ -71,7 +71,7 @@ fn copy(
         };
         let size = filled_buffer(
             context.render_device(),
-            "bevy_frugal_gi/surfaces/copy",
+            "frugal_gi/surfaces/copy",
             bytemuck::cast_slice(&request.size.to_array()),
             BufferUsages::UNIFORM,
         );
@@ -81,7 +81,7 @@ fn copy(
             size.as_entire_binding(),
         ));
         let bindings = kernel.0.bind(&context, &cache, &entries);
-        compute_pass(&mut context, "bevy_frugal_gi/copy", &[], |pass| {
+        compute_pass(&mut context, "frugal_gi/copy", &[], |pass| {
             pass.set_bind_group(0, &bindings, &[]);
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups(
