@@ -2,7 +2,7 @@
 # installs, and asks for nothing.
 #
 #   make demo     precomputes a scene, plays it under a power and an error budget, writes reports to target/demo
-#   make test     every test
+#   make test     every test; make test T=stability runs those of that name
 #   make build    everything, and nothing else
 #   make run      an example: make run EXAMPLE=budget
 #   make bench    a benchmark: make bench BENCH=baseline ARGS='--size 320x180'
@@ -23,6 +23,7 @@ ERROR_BUDGET = 0.02
 
 EXAMPLE = minimal
 BENCH = baseline
+T =
 ARGS =
 
 # One folder for all clones on this machine, so that the demo, the tests and CI share one build of
@@ -63,7 +64,7 @@ demo: build
 	@echo "Next: open $(OUTPUT)/power/report.html and $(OUTPUT)/error/report.html, then make run EXAMPLE=budget, or put the map into an app (docs/using.md)."
 
 test: setup
-	scripts/test
+	scripts/test $(T)
 
 # At the workspace's root this, too, selects the whole workspace.
 run: setup

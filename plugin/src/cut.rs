@@ -8,7 +8,7 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::time::{Real, Time};
-pub(crate) use frugal_core::{CUT_DISTANCE, is_cut};
+pub(crate) use frugal_core::frontier::{CUT_DISTANCE, is_cut};
 
 /// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, its
 /// VPLs are resampled regardless of [`refresh_period`](crate::gi::FrugalGi::refresh_period), and the

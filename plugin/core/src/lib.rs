@@ -5,10 +5,7 @@
 //! `frugal` writes the maps.
 
 pub mod control;
-mod cut;
 pub mod frontier;
 pub mod knobs;
 pub mod power;
 pub mod units;
-
-pub use cut::{CUT_DISTANCE, is_cut};

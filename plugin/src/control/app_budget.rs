@@ -1,44 +1,13 @@
 //! One power limit for all cameras, divided among them, and the levels that they share.
 
-use bevy::ecs::component::Component;
-use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
-use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
 use frugal_core::control::{Rank, agree};
 
 use super::frame::{Agreement, Frame, same_space};
-use super::{Limit, Outcome, PowerCorrection, PowerDivision, PowerFeedback};
+use super::{AppBudget, Limit, Outcome, PowerCorrection, PowerDivision, PowerFeedback};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 use crate::units::Watts;
-
-/// One power limit for all active controlled cameras together, beside the limits of their own
-/// [`Budget`](super::Budget)s.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
-#[reflect(Resource, Default, Clone, Debug, PartialEq)]
-pub struct AppBudget {
-    /// Power limit, in watts; at least 0, `None` or infinity for no limit. NaN and negative limits
-    /// are ignored, with a warning.
-    ///
-    /// Divided so that one more watt lowers the error equally for every camera, by
-    /// [`CameraPriority`] and share of the pixels.
-    pub power: Option<Watts>,
-}
-
-/// How much a camera's error counts when an [`AppBudget`] is divided, beside its share of the
-/// pixels; at least 0, NaN counts as 1. Higher values give this camera more of the power; at 0 it
-/// gets the cheapest settings unless power is left over. Default: 1.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Component, Default, Clone, Debug, PartialEq)]
-pub struct CameraPriority(pub f64);
-
-impl Default for CameraPriority {
-    fn default() -> Self {
-        Self(1.0)
-    }
-}
 
 impl AppBudget {
     /// The valid and finite limit.

@@ -13,10 +13,10 @@ use frugal_core::control::{
 };
 use smallvec::SmallVec;
 
+use super::components::CameraState;
 use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space, weight_of};
 use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
 use super::power_feedback::FeedbackState;
-use super::state::CameraState;
 use super::write::{write_selection, write_settings};
 use super::{
     AppBudget, ControlSettings, ControlStatus, ErrorFeedback, ErrorPace, FrontierSource, Limit,

@@ -5,14 +5,17 @@ use std::sync::Arc;
 
 use bevy::asset::{AsAssetId, AssetId, Handle};
 use bevy::ecs::component::Component;
-use bevy::ecs::reflect::ReflectComponent;
+use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
+use bevy::ecs::resource::Resource;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
+use frugal_core::control::{BoundedFrontier, RatedAt};
 
-use super::state::CameraState;
-use super::{Limit, Outcome};
-use crate::frontier::{CostPoint, FrontierMap, FrontierStore, SampleCamera};
+use super::power_feedback::Predicted;
+use super::{Budget, ErrorFeedback, ErrorPace, KnobBounds, Limit, Outcome, SettingsFilter};
+use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, Misfit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
+use crate::units::Watts;
 
 /// Puts a camera under the controller, with the frontiers of a map. Adds a [`Budget`] without
 /// limits unless the camera has one.
@@ -118,4 +121,53 @@ pub struct Selection {
     /// The sample camera whose frontier was used; `None` unless `status` is
     /// [`ControlStatus::Active`].
     pub sample: Option<SampleCamera>,
+}
+
+/// The controller's state of one camera.
+#[derive(Component, Debug, Default)]
+#[require(Budget, ErrorFeedback, ErrorPace, KnobBounds, MapFit, Selection, SettingsFilter)]
+pub(super) struct CameraState {
+    /// Predicted power of the applied settings in the map's watts; `None` while the controller is
+    /// off.
+    pub(super) predicted: Option<Watts>,
+    /// Of the camera's map; `None` for other stores.
+    pub(super) rated_at: Option<RatedAt>,
+    pub(super) is_active: bool,
+    pub(super) bounded: BoundedFrontier,
+    /// How long each misfit has lasted, seconds; infinite once it was logged.
+    pub(super) misfits: [f64; Misfit::ALL.len()],
+}
+
+impl CameraState {
+    /// What an active camera's map predicts.
+    pub(super) fn predicted(&self, fit: &MapFit) -> Option<Predicted> {
+        let Self { predicted: power, rated_at, is_active, .. } = *self;
+        is_active.then_some(Predicted { power, meter: fit.meter, rated_at })
+    }
+}
+
+/// One power limit for all active controlled cameras together, beside the limits of their own
+/// [`Budget`](super::Budget)s.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+pub struct AppBudget {
+    /// Power limit, in watts; at least 0, `None` or infinity for no limit. NaN and negative limits
+    /// are ignored, with a warning.
+    ///
+    /// Divided so that one more watt lowers the error equally for every camera, by
+    /// [`CameraPriority`] and share of the pixels.
+    pub power: Option<Watts>,
+}
+
+/// How much a camera's error counts when an [`AppBudget`] is divided, beside its share of the
+/// pixels; at least 0, NaN counts as 1. Higher values give this camera more of the power; at 0 it
+/// gets the cheapest settings unless power is left over. Default: 1.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
+pub struct CameraPriority(pub f64);
+
+impl Default for CameraPriority {
+    fn default() -> Self {
+        Self(1.0)
+    }
 }

@@ -9,7 +9,7 @@ use bevy::ecs::query::QueryData;
 use bevy::transform::components::GlobalTransform;
 use frugal_core::control::Limits;
 
-use super::state::CameraState;
+use super::components::CameraState;
 use super::{
     Budget, CameraPriority, Choice, ErrorFeedback, ErrorPace, FrontierSource, KnobBounds, Limit,
     PowerController, Selection, SettingsFilter,

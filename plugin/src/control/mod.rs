@@ -24,11 +24,11 @@ mod frame;
 mod maps;
 mod plugin;
 mod power_feedback;
-mod state;
 mod write;
 
-pub use app_budget::{AppBudget, CameraPriority};
-pub use components::{ControlStatus, FrontierSource, OffReason, PowerController, Selection};
+pub use components::{
+    AppBudget, CameraPriority, ControlStatus, FrontierSource, OffReason, PowerController, Selection,
+};
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use frugal_core::control::{
     Budget, BudgetError, CameraController, Choice, ControlSettings, Decisions, ErrorFeedback,

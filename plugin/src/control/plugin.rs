@@ -13,8 +13,8 @@ use bevy::time::{Real, Time};
 use bevy::transform::TransformSystems;
 use frugal_core::control::{FrameKind, FrameRate, FrameSignals, SignalModel};
 
+use super::components::CameraState;
 use super::power_feedback::{FeedbackModel, sum};
-use super::state::CameraState;
 use super::*;
 use crate::frontier::{FrontierMap, MapFit};
 use crate::knobs::KnownKnobs;

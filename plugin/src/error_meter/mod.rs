@@ -24,11 +24,10 @@ use bevy::camera::CameraUpdateSystems;
 use bevy::ecs::prelude::*;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
-use bevy::render::extract_component::ExtractComponentPlugin;
+use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::shader::load_shader_library;
 
 use crate::schedule::KnobSystems;
-pub use probe::ErrorProbe;
 
 /// Measurement after which the mean period is that of the settings. Higher values cost more; lower values
 /// leave fewer for views that the map does not know.
@@ -36,6 +35,15 @@ const STEADY: f64 = 64.0;
 /// Shortest and longest mean period, as multiples of that. Lower values find a new level's errors sooner,
 /// and follow a camera to another part of it; higher values cost less.
 const STRETCH: [f64; 2] = [0.25, 3.0];
+
+/// Marks the hidden camera that renders a part of another camera's view at the best settings, while
+/// there is one. It has what Bevy's own rendering reads of that camera, as the app authored it: an
+/// app that adds effects of its own gives it those by an observer of this component's insertion.
+#[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ErrorProbe {
+    /// The camera whose error is measured.
+    pub camera: Entity,
+}
 
 /// Measures the error of this camera's frames while it is there. For a camera with
 /// [`KnobSettings`](crate::knobs::KnobSettings), such as one under the controller.

@@ -10,7 +10,6 @@ use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::post_process::auto_exposure::AutoExposure;
-use bevy::render::extract_component::ExtractComponent;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::TextureFormat;
 use bevy::render::storage::ShaderBuffer;
@@ -20,7 +19,7 @@ use bevy::transform::helper::TransformHelper;
 
 use super::compare::{Comparison, bytes, error};
 use super::tile::Tile;
-use super::{ErrorMeter, MeasuredError};
+use super::{ErrorMeter, ErrorProbe, MeasuredError};
 use crate::camera_copy::{ShowsWholeOnly, copy_looks};
 use crate::control::{ErrorFeedback, Selection};
 use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings};
@@ -33,15 +32,6 @@ const MIN_FRAMES: u32 = 2;
 const TEMPORAL_FRAMES: u32 = 16;
 /// Distance within which a probe's automatic exposure is where it belongs in one frame, f-stops.
 const ANY_EXPOSURE: f32 = 64.0;
-
-/// Marks the hidden camera that renders a part of another camera's view at the best settings, while
-/// there is one. It has what Bevy's own rendering reads of that camera, as the app authored it: an
-/// app that adds effects of its own gives it those by an observer of this component's insertion.
-#[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ErrorProbe {
-    /// The camera whose error is measured.
-    pub camera: Entity,
-}
 
 /// An [`ErrorMeter`]'s state.
 #[derive(Component, Debug, Default)]

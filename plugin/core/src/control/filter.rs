@@ -22,13 +22,11 @@
 //! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
 //! exceeded, and rise slowly when power is left over.
 
-use std::time::Duration;
-
 use glam::Vec3;
 
+use super::TransitionTimes;
 use super::dwell::Dwell;
-use crate::cut::is_cut;
-use crate::frontier::CameraView;
+use crate::frontier::{CameraView, is_cut};
 use crate::knobs::{KnobLevels, KnobSpace};
 
 /// Upper limit of one step, in seconds. A longer step ends every transition anyway.
@@ -48,45 +46,6 @@ const REVERSAL_MARGIN: f64 = 0.25;
 /// Changes of a knob's level in succession before their rate is limited; more where it has more levels,
 /// so that a transition over all of them stays gradual.
 const BURST: usize = 4;
-
-/// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
-/// saves power, rising reduces error.
-///
-/// Higher values change quality more gradually and take longer to end an excess over the budget.
-/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never. Default:
-/// [`ControlSettings::TRANSITION`](super::ControlSettings::TRANSITION) in both directions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TransitionTimes {
-    /// To a more expensive level. Lower values raise quality sooner and more visibly; higher values
-    /// save power during the transition.
-    pub rise: Duration,
-    /// To a cheaper level. Lower values reduce power sooner and more visibly; higher values keep
-    /// quality, at its power, during the transition.
-    pub fall: Duration,
-}
-
-impl TransitionTimes {
-    /// `time` in both directions, as in the closed form of Wang et al.
-    pub const fn both(time: Duration) -> Self {
-        Self { rise: time, fall: time }
-    }
-
-    /// Fraction of a transition in `delta_seconds`, 0 to 1, for a knob with `remaining` levels to
-    /// go.
-    fn fraction(self, delta_seconds: f64, remaining: f64) -> f64 {
-        match if remaining > 0.0 { self.rise } else { self.fall } {
-            Duration::ZERO => 1.0,
-            Duration::MAX => 0.0,
-            time => (delta_seconds / time.as_secs_f64()).min(1.0),
-        }
-    }
-}
-
-impl Default for TransitionTimes {
-    fn default() -> Self {
-        Self::both(super::ControlSettings::TRANSITION)
-    }
-}
 
 /// Direction of a level's last change since its knob was at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

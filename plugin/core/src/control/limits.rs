@@ -3,8 +3,7 @@
 //! Each limit becomes watts of one camera, and the least of them holds.
 
 use super::observed::Observed;
-use super::{Budget, BudgetError, Choice, Limit, Outcome, PowerCorrection};
-use crate::frontier::Frontier;
+use super::{Budget, BudgetError, Limit, PowerCorrection};
 use crate::units::Watts;
 
 /// The valid limits of one camera in one frame: each is `None`, or a number of 0 or more.
@@ -99,21 +98,6 @@ impl Limits {
     /// The power limit; `None` where it is infinite.
     pub fn finite_power(&self) -> Option<f64> {
         self.power.map(|limit| limit.0).filter(|limit| *limit < f64::INFINITY)
-    }
-
-    /// What keeps the settings of `choice` from being better; `None`: nothing, they are the best, or
-    /// no limit was given. These limits are in the watts of `frontier`.
-    pub fn binds(&self, frontier: &Frontier, choice: &Choice) -> Option<Limit> {
-        let dearer = frontier.points().iter().find(|point| point.cost.power > choice.cost.power);
-        match choice.outcome {
-            Outcome::ErrorCannotBeMet => Some(Limit::Error),
-            Outcome::LimitedByPower | Outcome::PowerCannotBeMet => self.power_by,
-            _ => {
-                let dearer = dearer?;
-                let is_power = self.power.is_some_and(|limit| dearer.cost.power > limit);
-                if is_power { self.power_by } else { self.error.map(|_| Limit::Error) }
-            }
-        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::*;
+use crate::control::Outcome;
 use crate::control::exchange::Exchange;
 use crate::control::select::select_within;
 use crate::frontier::testing;

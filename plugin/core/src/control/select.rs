@@ -3,8 +3,8 @@
 //! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an
 //! error), each one binary search.
 
-use super::Budget;
 use super::limits::Limits;
+use super::{Budget, Limit};
 use crate::frontier::{CostPoint, ERROR_UNIT, ErrorRates, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 #[cfg(feature = "bevy")]
@@ -145,6 +145,23 @@ pub(super) fn select_within(
                 Some(point) if point.cost.error <= error => choice(point, Outcome::Met),
                 Some(point) => choice(point, Outcome::LimitedByPower),
                 None => choice(cheapest, Outcome::PowerCannotBeMet),
+            }
+        }
+    }
+}
+
+impl Limits {
+    /// What keeps the settings of `choice` from being better; `None`: nothing, they are the best, or
+    /// no limit was given. These limits are in the watts of `frontier`.
+    pub fn binds(&self, frontier: &Frontier, choice: &Choice) -> Option<Limit> {
+        let dearer = frontier.points().iter().find(|point| point.cost.power > choice.cost.power);
+        match choice.outcome {
+            Outcome::ErrorCannotBeMet => Some(Limit::Error),
+            Outcome::LimitedByPower | Outcome::PowerCannotBeMet => self.power_by,
+            _ => {
+                let dearer = dearer?;
+                let is_power = self.power.is_some_and(|limit| dearer.cost.power > limit);
+                if is_power { self.power_by } else { self.error.map(|_| Limit::Error) }
             }
         }
     }

@@ -9,8 +9,8 @@ use bevy_reflect::Reflect;
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 
+use super::Budget;
 use super::limits::Limits;
-use super::{Budget, TransitionTimes};
 
 /// Settings of the controller, for all cameras. Times are real time: [`Duration::ZERO`] switches at
 /// once, [`Duration::MAX`] never.
@@ -77,6 +77,45 @@ impl Default for ControlSettings {
             changes_per_second: 0.85,
             power_feedback: true,
         }
+    }
+}
+
+/// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
+/// saves power, rising reduces error.
+///
+/// Higher values change quality more gradually and take longer to end an excess over the budget.
+/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never. Default:
+/// [`ControlSettings::TRANSITION`](ControlSettings::TRANSITION) in both directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransitionTimes {
+    /// To a more expensive level. Lower values raise quality sooner and more visibly; higher values
+    /// save power during the transition.
+    pub rise: Duration,
+    /// To a cheaper level. Lower values reduce power sooner and more visibly; higher values keep
+    /// quality, at its power, during the transition.
+    pub fall: Duration,
+}
+
+impl TransitionTimes {
+    /// `time` in both directions, as in the closed form of Wang et al.
+    pub const fn both(time: Duration) -> Self {
+        Self { rise: time, fall: time }
+    }
+
+    /// Fraction of a transition in `delta_seconds`, 0 to 1, for a knob with `remaining` levels to
+    /// go.
+    pub(super) fn fraction(self, delta_seconds: f64, remaining: f64) -> f64 {
+        match if remaining > 0.0 { self.rise } else { self.fall } {
+            Duration::ZERO => 1.0,
+            Duration::MAX => 0.0,
+            time => (delta_seconds / time.as_secs_f64()).min(1.0),
+        }
+    }
+}
+
+impl Default for TransitionTimes {
+    fn default() -> Self {
+        Self::both(ControlSettings::TRANSITION)
     }
 }
 

@@ -1,123 +1,18 @@
 //! The frontier map: the octree of frontiers with the metadata that its numbers refer to.
+//!
+//! Its file has a list of all settings, and their index at each frontier point: packed settings take up
+//! to 16 digits and occur in most frontiers.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 use std::collections::BTreeSet;
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::stored::StoredMap;
-use super::{ErrorRates, Frontier, FrontierMapError, KnobEffects, Octree, SharedKnobs};
+use super::{
+    Bounds, Capture, ErrorRates, Frontier, FrontierMapError, FrontierPoint, KnobEffects, Octree,
+    SceneIdentity, Thresholds, WorkPrices,
+};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
-use crate::units::Watts;
-
-/// Identity of the scene that a map was made for.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
-#[serde(deny_unknown_fields)]
-pub struct SceneIdentity {
-    /// Name of the scene file, for messages only.
-    pub name: String,
-    /// Hash of the scene's contents, in hexadecimal. Scenes with equal fingerprints are the same.
-    pub fingerprint: String,
-}
-
-/// Rendering conditions of the map's power and error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Capture {
-    /// Width and height, in pixels; each at least 1.
-    pub size: [u32; 2],
-    /// Frame rate that the map's watts refer to, in hertz; finite, above 0.
-    pub frames_per_second: f64,
-    /// Vertical field of view, in degrees, in (0, 180).
-    pub vertical_fov: f32,
-    /// Exposure value at ISO 100; finite.
-    pub exposure_ev100: f32,
-}
-
-/// Largest distance between the frontiers of adjacent corners without subdivision of their octree
-/// node (Wang et al. 2016, section 3.5.3).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Thresholds {
-    /// Distance in power, in watts; finite, at least 0. Higher values give a smaller, less accurate
-    /// map that takes less time to make; lower values a larger, more accurate one.
-    pub power_w: f64,
-    /// Distance in error (1 − SSIM, no unit); finite, at least 0. Higher values give a smaller,
-    /// less accurate map that takes less time to make; lower values a larger, more accurate one.
-    pub error: f64,
-}
-
-/// The world-space box of the octree's root. A camera outside counts as one at the nearest position
-/// inside.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Bounds {
-    /// Minimum world coordinates, in metres; finite.
-    pub min: [f32; 3],
-    /// Maximum world coordinates, in metres; finite, each above its `min`.
-    pub max: [f32; 3],
-}
-
-impl Bounds {
-    /// Edge lengths, in metres.
-    pub fn extent(&self) -> Vec3 {
-        Vec3::from_array(self.max) - Vec3::from_array(self.min)
-    }
-
-    /// `position` (world, metres) scaled so that the bounds span 0 to 1 on each axis. Positions
-    /// outside are clamped; NaN counts as 0.
-    pub fn to_unit(&self, position: Vec3) -> Vec3 {
-        let unit = (position - Vec3::from_array(self.min)) / self.extent();
-        // Not `clamp`, which passes NaN through.
-        Vec3::from_array(unit.to_array().map(|unit| if unit > 0.0 { unit.min(1.0) } else { 0.0 }))
-    }
-
-    /// World position of `unit`, in metres: the inverse of [`to_unit`](Self::to_unit), not clamped.
-    pub fn from_unit(&self, unit: Vec3) -> Vec3 {
-        Vec3::from_array(self.min) + unit * self.extent()
-    }
-}
-
-/// Energy prices of a frame's work on one device.
-///
-/// A frontier's energy per frame is the energy of its settings' work at these prices, times a
-/// factor that its cameras have in common. For another device, image size or frame rate the map
-/// needs no new search: `frugal reprice` recomputes its power.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct WorkPrices {
-    /// Names of the kinds of work, counted per frame: pixels, rays, shadow texels and so on.
-    pub kinds: Vec<String>,
-    /// Energy per unit of each kind, in joules, in the order of `kinds`; finite, at least 0.
-    pub joules: Vec<f64>,
-    /// Idle power of the device, in watts, as far as the map's power includes it; finite, at least
-    /// 0.
-    pub idle: Watts,
-    /// Number of reflective shadow maps of the scene, without those of point lights.
-    pub maps: u32,
-    /// Number of point lights of the scene, which have six smaller maps each. 0 in maps of earlier
-    /// versions.
-    #[serde(default)]
-    pub point_lights: u32,
-    /// Whether the scene gathers light from an environment map.
-    pub has_sky: bool,
-    /// What levels of knobs of app scope cost each camera.
-    #[serde(default)]
-    pub shared: SharedKnobs,
-}
-
-impl WorkPrices {
-    /// Whether there is one finite price, 0 or above, for each kind of work.
-    pub fn is_sound(&self) -> bool {
-        let number = |value: f64| value.is_finite() && value >= 0.0;
-        self.kinds.len() == self.joules.len()
-            && self.joules.iter().all(|joules| number(*joules))
-            && number(self.idle.0)
-    }
-}
 
 /// Pareto frontiers of sample cameras throughout a scene (Wang et al. 2016, section 3.5), with the
 /// conditions of their measurement.
@@ -168,7 +63,7 @@ struct VersionOnly {
 
 impl FrontierMap {
     /// The version of the format that this build reads and writes.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = super::map_error::VERSION;
 
     /// Parses and validates a map.
     ///
@@ -208,94 +103,6 @@ impl FrontierMap {
             .collect()
     }
 
-    /// Checks everything that the controller relies on: version, ranges, octree, settings and
-    /// costs.
-    ///
-    /// # Errors
-    /// The first fault found: another version, a number out of range, an invalid octree, or
-    /// settings with a level that the knobs lack.
-    pub fn validate(&self) -> Result<(), FrontierMapError> {
-        FrontierMapError::check_version(self.version)?;
-        let Capture { size, frames_per_second, vertical_fov, exposure_ev100 } = self.capture;
-        check("capture.size", size, size[0] > 0 && size[1] > 0, "two numbers above 0")?;
-        let positive = frames_per_second.is_finite() && frames_per_second > 0.0;
-        check("capture.frames_per_second", frames_per_second, positive, "finite and above 0")?;
-        check(
-            "capture.vertical_fov",
-            vertical_fov,
-            vertical_fov > 0.0 && vertical_fov < 180.0,
-            "above 0 and below 180 degrees",
-        )?;
-        check("capture.exposure_ev100", exposure_ev100, exposure_ev100.is_finite(), "finite")?;
-        let Thresholds { power_w, error } = self.thresholds;
-        check(
-            "thresholds.power_w",
-            power_w,
-            power_w.is_finite() && power_w >= 0.0,
-            "finite and at least 0",
-        )?;
-        check(
-            "thresholds.error",
-            error,
-            error.is_finite() && error >= 0.0,
-            "finite and at least 0",
-        )?;
-        let Bounds { min, max } = self.bounds;
-        check("bounds.min", min, min.iter().all(|coordinate| coordinate.is_finite()), "finite")?;
-        check("bounds.max", max, max.iter().all(|coordinate| coordinate.is_finite()), "finite")?;
-        let extent = self.bounds.extent();
-        check(
-            "bounds",
-            self.bounds,
-            extent.is_finite() && extent.min_element() > 0.0,
-            "of an extent above 0 on each axis",
-        )?;
-        let valid = self.error_rates.is_sound();
-        check(
-            "error_rates",
-            &self.error_rates,
-            valid,
-            "increasing budgets with finite, non-increasing rates of at least 0",
-        )?;
-        let valid = self.work_prices.is_sound();
-        check(
-            "work_prices",
-            &self.work_prices,
-            valid,
-            "as many kinds as prices, all finite and at least 0",
-        )?;
-        check(
-            "work_prices.shared",
-            &self.work_prices.shared,
-            self.work_prices.shared.is_sound(&self.knobs),
-            "at most four of the map's knobs, with a finite energy of at least 0 for each combination of levels",
-        )?;
-        check(
-            "knob_effects",
-            &self.knob_effects,
-            self.knob_effects.is_sound(&self.knobs),
-            "a finite energy of at least 0 and an error from 0 to 2 for each level of each knob",
-        )?;
-        self.octree.validate()?;
-        self.validate_frontiers()
-    }
-
-    fn validate_frontiers(&self) -> Result<(), FrontierMapError> {
-        for (frontier, points) in self.octree.frontiers.iter().chain([&self.shared]).enumerate() {
-            for point in points.points() {
-                let bits = point.settings.bits();
-                if !self.knobs.contains(point.settings) {
-                    return Err(FrontierMapError::UnknownSettings { frontier, bits });
-                }
-                let (power_w, error) = (point.cost.power.0, point.cost.error);
-                if !(power_w.is_finite() && power_w >= 0.0 && (0.0..=2.0).contains(&error)) {
-                    return Err(FrontierMapError::ImpossibleCost { frontier, power_w, error });
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// Checks that this map was made for `scene`. Only fingerprints count: a renamed scene is still
     /// the same.
     ///
@@ -309,16 +116,103 @@ impl FrontierMap {
     }
 }
 
-fn check(
-    field: &'static str,
-    value: impl std::fmt::Debug,
-    holds: bool,
-    expected: &'static str,
-) -> Result<(), FrontierMapError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(FrontierMapError::OutOfRange { field, value: format!("{value:?}"), expected })
+/// The fields of a [`FrontierMap`] in the order of its file, with the list of settings.
+#[derive(Serialize, Deserialize)]
+#[serde(rename = "FrontierMap")]
+struct StoredMap {
+    version: u32,
+    scene: SceneIdentity,
+    capture: Capture,
+    meter: MeterInfo,
+    thresholds: Thresholds,
+    seed: u64,
+    knobs: KnobSpace,
+    bounds: Bounds,
+    /// All settings of the frontiers, in ascending order.
+    settings: Vec<KnobLevels>,
+    shared: Frontier,
+    error_rates: ErrorRates,
+    work_prices: WorkPrices,
+    knob_effects: KnobEffects,
+    octree: Octree,
+}
+
+/// The frontier with other settings at the same costs; `None` where one has no counterpart.
+fn with_settings(
+    frontier: &Frontier,
+    other: impl Fn(KnobLevels) -> Option<KnobLevels>,
+) -> Option<Frontier> {
+    let points = frontier.points().iter();
+    let points: Option<Vec<FrontierPoint>> = points
+        .map(|point| other(point.settings).map(|settings| FrontierPoint { settings, ..*point }))
+        .collect();
+    points.map(Frontier::from_points)
+}
+
+impl From<FrontierMap> for StoredMap {
+    fn from(mut map: FrontierMap) -> Self {
+        // Rounding drops points, and with them settings that only they have.
+        for frontier in map.octree.frontiers.iter_mut().chain([&mut map.shared]) {
+            *frontier = frontier.rounded();
+        }
+        let settings: Vec<KnobLevels> = map.settings().into_iter().collect();
+        let index = |one: KnobLevels| {
+            let index = settings.binary_search(&one).ok()?;
+            Some(KnobLevels::from_bits(index as u128))
+        };
+        for frontier in map.octree.frontiers.iter_mut().chain([&mut map.shared]) {
+            // Every settings is in the list, which was made of these frontiers.
+            if let Some(indexed) = with_settings(frontier, index) {
+                *frontier = indexed;
+            }
+        }
+        Self {
+            version: map.version,
+            scene: map.scene,
+            capture: map.capture,
+            meter: map.meter,
+            thresholds: map.thresholds,
+            seed: map.seed,
+            knobs: map.knobs,
+            bounds: map.bounds,
+            settings,
+            shared: map.shared,
+            error_rates: map.error_rates,
+            work_prices: map.work_prices,
+            knob_effects: map.knob_effects,
+            octree: map.octree,
+        }
+    }
+}
+
+impl TryFrom<StoredMap> for FrontierMap {
+    type Error = FrontierMapError;
+
+    fn try_from(stored: StoredMap) -> Result<Self, FrontierMapError> {
+        FrontierMapError::check_version(stored.version)?;
+        let StoredMap { mut shared, mut octree, settings, .. } = stored;
+        let at = |index: KnobLevels| settings.get(usize::try_from(index.bits()).ok()?).copied();
+        for (number, frontier) in octree.frontiers.iter_mut().chain([&mut shared]).enumerate() {
+            *frontier = with_settings(frontier, at).ok_or(FrontierMapError::UnlistedSettings {
+                frontier: number,
+                count: settings.len(),
+            })?;
+        }
+        Ok(Self {
+            version: stored.version,
+            scene: stored.scene,
+            capture: stored.capture,
+            meter: stored.meter,
+            thresholds: stored.thresholds,
+            seed: stored.seed,
+            knobs: stored.knobs,
+            bounds: stored.bounds,
+            shared,
+            error_rates: stored.error_rates,
+            work_prices: stored.work_prices,
+            knob_effects: stored.knob_effects,
+            octree,
+        })
     }
 }
 

@@ -1,6 +1,9 @@
 //! Why a frontier map cannot be used.
 
-use super::{FrontierMap, OctreeError, SceneIdentity};
+use super::{OctreeError, SceneIdentity};
+
+/// The version of the format.
+pub(super) const VERSION: u32 = 1;
 
 /// Why a frontier map cannot be read, written or used. Most messages include the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -21,7 +24,7 @@ pub enum FrontierMapError {
     /// Written by another version of this crate.
     #[error(
         "frontier map of format version {found}, but this build reads version {known}: run the `frugal precompute` of the same release again",
-        known = FrontierMap::VERSION
+        known = VERSION
     )]
     OtherVersion {
         /// The file's version.
@@ -96,7 +99,7 @@ pub enum FrontierMapError {
 impl FrontierMapError {
     /// Whether this build reads maps of version `found`.
     pub fn check_version(found: u32) -> Result<(), Self> {
-        if found == FrontierMap::VERSION { Ok(()) } else { Err(Self::OtherVersion { found }) }
+        if found == VERSION { Ok(()) } else { Err(Self::OtherVersion { found }) }
     }
 }
 

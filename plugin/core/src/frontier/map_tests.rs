@@ -1,5 +1,7 @@
 //! Tests of the map's text format and its validation.
 
+use glam::Vec3;
+
 use super::*;
 use crate::frontier::testing;
 use crate::frontier::{CostPoint, Frontier, FrontierPoint, OctreeError};
@@ -174,4 +176,24 @@ fn positions_map_to_the_unit_cube_and_clamp() {
     assert!(
         empty.to_unit(Vec3::splat(5.0)).is_finite() && empty.to_unit(Vec3::splat(1.0)).is_finite()
     );
+}
+
+#[test]
+fn an_index_beyond_the_list_is_one_clear_error() {
+    let text = testing::map(1).to_ron().expect("writable");
+    let start = text.find("settings:[\n").expect("a list");
+    let end = start + text[start..].find("],\n").expect("its end");
+    let emptied = format!("{}settings:[\n{}", &text[..start], &text[end..]);
+    let error = FrontierMap::from_ron(&emptied).expect_err("no settings");
+    assert_eq!(error, FrontierMapError::UnlistedSettings { frontier: 0, count: 0 });
+    assert!(error.to_string().contains("frugal precompute"), "{error}");
+}
+
+#[test]
+fn settings_are_written_once() {
+    let text = testing::map(3).to_ron().expect("writable");
+    let map = FrontierMap::from_ron(&text).expect("readable");
+    let start = text.find("settings:[\n").expect("a list");
+    let list = text[start..].lines().skip(1).take_while(|line| *line != "],").count();
+    assert_eq!(list, map.settings().len());
 }

@@ -80,3 +80,51 @@ pub struct CameraView {
     /// Width ÷ height of the image; finite, above 0.
     pub aspect: f32,
 }
+
+/// Thresholds of a cut: what a camera may move and turn from one frame to the next, at any frame
+/// rate (metres, degrees), and in a second (m/s, degrees/s). A fast vehicle is no cut, nor is a
+/// glance at a low frame rate.
+pub const CUT_DISTANCE: f32 = 1.0;
+const CUT_ANGLE: f32 = 30.0;
+const CUT_SPEED: f32 = 300.0;
+const CUT_TURN: f32 = 900.0;
+/// Longest frame for which they count, seconds: a stall.
+const LONGEST_FRAME: f32 = 0.1;
+
+/// Whether a camera cuts between two frames `seconds` apart, each with its position in metres and
+/// its unit viewing direction. Time may stand still, and NaN counts for 0; a position that is NaN is
+/// no cut by itself.
+pub fn is_cut(then: (Vec3, Vec3), now: (Vec3, Vec3), seconds: f32) -> bool {
+    let seconds = if seconds > 0.0 { seconds.min(LONGEST_FRAME) } else { 0.0 };
+    let (farthest, widest) =
+        (CUT_DISTANCE.max(CUT_SPEED * seconds), CUT_ANGLE.max(CUT_TURN * seconds));
+    then.0.distance_squared(now.0) > farthest * farthest
+        || then.1.dot(now.1) < widest.to_radians().cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn teleports_and_whips_are_cuts_and_fast_motion_is_not() {
+        let at = |x: f32, degrees: f32| {
+            (Vec3::X * x, Quat::from_rotation_y(degrees.to_radians()) * Vec3::NEG_Z)
+        };
+        let still = at(0.0, 0.0);
+        for (now, seconds, expected) in [
+            (at(0.9, 0.0), 0.0, false),
+            (at(1.1, 0.0), 0.0, true),
+            (at(0.0, 29.0), 0.0, false),
+            (at(0.0, 31.0), 0.0, true),
+            (at(4.0, 0.0), 1.0 / 60.0, false),
+            (at(6.0, 0.0), 1.0 / 60.0, true),
+            (at(29.0, 80.0), 0.1, false),
+            (at(31.0, 0.0), 10.0, true),
+            (at(1.1, 0.0), f32::NAN, true),
+            (at(f32::NAN, 0.0), 0.1, false),
+        ] {
+            assert_eq!(is_cut(still, now, seconds), expected, "{now:?} after {seconds} s");
+        }
+    }
+}

@@ -3,9 +3,7 @@
 mod knob;
 mod levels;
 mod space;
-mod suggestion;
 
 pub use knob::{DependsOn, Knob, Level};
 pub use levels::KnobLevels;
-pub use space::{KnobSpace, KnobSpaceError};
-pub use suggestion::did_you_mean;
+pub use space::{KnobSpace, KnobSpaceError, did_you_mean};

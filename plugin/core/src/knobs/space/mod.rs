@@ -11,7 +11,7 @@ mod text;
 use serde::{Deserialize, Serialize};
 
 use super::{Knob, KnobLevels};
-pub use error::KnobSpaceError;
+pub use error::{KnobSpaceError, did_you_mean};
 
 /// An ordered set of knobs, in the order in which [`KnobLevels`] packs their levels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
