@@ -11,8 +11,8 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
 use super::PATCHES;
+use super::choice::Patch;
 use super::kernels::{BounceKernels, ReflectKind};
-use super::patch::Patch;
 use super::patches::GiPatches;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiShading};

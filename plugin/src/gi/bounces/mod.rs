@@ -9,8 +9,7 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `patch` | none | a patch as the GPU reads it |
-//! | `choice` | none | selects the points that become patches |
+//! | `choice` | none | a patch as the GPU reads it; selects the points that become patches |
 //! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
 //! | `pick.wgsl`, `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
@@ -18,7 +17,6 @@
 mod camera;
 mod choice;
 mod kernels;
-mod patch;
 mod patches;
 
 use std::sync::atomic::Ordering;
@@ -47,8 +45,8 @@ use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(super) use camera::BOUNCE_VPLS;
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
+pub(super) use choice::Patch;
 use kernels::BounceKernels;
-pub(super) use patch::Patch;
 pub use patches::GiPatches;
 
 /// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per

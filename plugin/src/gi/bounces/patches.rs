@@ -16,8 +16,7 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
 use super::PATCHES;
-use super::choice::{Candidate, choose, density, rank};
-use super::patch::Patch;
+use super::choice::{Candidate, Patch, choose, density, rank};
 use crate::cut::Jumps;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{

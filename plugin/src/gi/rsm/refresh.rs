@@ -23,7 +23,7 @@ use crate::cut::Jumps;
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CameraCut, GiFrame, GiRefresh, SceneDelta};
-use crate::pipelines::PipelinesBusy;
+use crate::schedule::PipelinesBusy;
 
 /// A map and its camera.
 #[derive(QueryData)]

@@ -2,19 +2,16 @@
 //!
 //! For surfaces outside every rendered view that occlude light, emit it or reflect it again.
 
-mod assets;
 mod cache;
 mod changes;
 mod copies;
 mod cutout;
+mod mesh;
 mod points;
 mod reflectance;
 mod scan;
 mod set;
-mod sides;
 mod texture;
-mod triangles;
-mod vertex_colors;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::AssetEventSystems;
@@ -23,19 +20,18 @@ use bevy::ecs::prelude::*;
 use bevy::transform::TransformSystems;
 
 use super::schedule::SceneSystems;
-pub(super) use assets::SurfaceAssets;
 pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
 pub(super) use changes::MeshDelta;
 #[cfg(test)]
 pub(super) use changes::note as note_changes;
 pub use copies::GiTextureCopies;
+pub(super) use copies::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
+pub(super) use mesh::{Sides, Triangles, triangles};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 pub(super) use set::{SurfaceInstance, SurfaceMesh, SurfaceSet};
-pub(super) use sides::Sides;
 pub(super) use texture::{MeshTexture, TextureUse};
-pub(super) use triangles::{Triangles, triangles};
 
 pub(super) struct SurfacesPlugin;
 

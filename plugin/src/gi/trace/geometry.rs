@@ -10,9 +10,8 @@ use bevy::platform::collections::HashMap;
 
 use super::arena::Arena;
 use super::bvh::{MeshBvh, Node, TriangleWords};
-use super::data::warn_of_full_buffer;
 use super::micromap::SOLID;
-use super::mirror::Mirrored;
+use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::trees::{Pieces, Tree, TreeKey, Trees};
 
 /// Where a piece of a mesh lies.

@@ -3,14 +3,13 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal |
+//! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal, and an instance of it |
 //! | `micromap` | none | opacity micromaps of alpha masks |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
 //! | `skin` | main | what joints move of skinned meshes, and where |
 //! | `occluders` | main | which meshes occlude, and where they are |
 //! | `geometry`, `arena` | main | all hierarchies in one array, each in its place |
 //! | `top` | main | the hierarchy over instances, edited as meshes come, move and go |
-//! | `data` | none | an instance in the GPU's layout |
 //! | `mirror` | none | arrays that know what the GPU's copy lacks |
 //! | `buffers` | render | keeps all on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
@@ -25,7 +24,6 @@
 mod arena;
 mod buffers;
 mod bvh;
-mod data;
 mod geometry;
 mod micromap;
 mod mirror;
@@ -49,7 +47,7 @@ pub use occluders::GiOccluders;
 /// Bytes of the structs of `trace.wgsl`. A test compares them with the shader.
 pub(super) const STRUCT_BYTES: [(&str, u64); 3] = [
     ("Node", size_of::<bvh::Node>() as u64),
-    ("Instance", size_of::<data::Instance>() as u64),
+    ("Instance", size_of::<bvh::Instance>() as u64),
     ("Triangle", size_of::<bvh::TriangleWords>() as u64),
 ];
 

@@ -16,7 +16,7 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::GlobalTransform;
 
-use super::data::{Instance, instance};
+use super::bvh::{Instance, instance};
 use super::geometry::Geometry;
 use super::skin::{Part, Skins};
 use super::top::{Bounds, TopTree};

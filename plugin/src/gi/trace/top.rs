@@ -12,9 +12,8 @@ use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
 
-use super::bvh::{Effort, FlatBvh, Node, fitted, refit};
-use super::data::{Instance, warn_of_full_buffer};
-use super::mirror::Mirrored;
+use super::bvh::{Effort, FlatBvh, Instance, Node, fitted, refit};
+use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::skin::Part;
 
 /// A box: its lower and its upper corner.

@@ -10,10 +10,12 @@
 
 mod pass;
 
+use bevy::asset::{AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages};
+use bevy::mesh::Mesh;
+use bevy::pbr::StandardMaterial;
 use std::sync::{Mutex, PoisonError};
 
 use bevy::app::{App, PostUpdate};
-use bevy::asset::{AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
@@ -26,7 +28,6 @@ use bevy::render::render_resource::{
 };
 use bevy::render::storage::ShaderBuffer;
 
-use super::texture::is_readable;
 use crate::gi::schedule::SceneSystems;
 pub(super) use pass::finish;
 
@@ -102,6 +103,11 @@ impl<'a> Textures<'a> {
             }
         }
     }
+}
+
+/// Whether the CPU can read an image: it is not kept for the GPU alone, and not compressed.
+pub(super) fn is_readable(image: &Image) -> bool {
+    image.get_color_at(0, 0).is_ok()
 }
 
 /// A texture on its way to the CPU.
@@ -217,4 +223,21 @@ fn copied(size: UVec2, texels: Vec<u8>) -> Image {
         TextureFormat::Rgba16Float,
         RenderAssetUsages::MAIN_WORLD,
     )
+}
+
+/// For systems that read surfaces in the main world.
+#[derive(SystemParam)]
+pub(in crate::gi) struct SurfaceAssets<'w> {
+    pub meshes: Res<'w, Assets<Mesh>>,
+    /// `None` in an app without images.
+    images: Option<Res<'w, Assets<Image>>>,
+    /// `None` in an app without Bevy's materials.
+    pub materials: Option<Res<'w, Assets<StandardMaterial>>>,
+    copies: Res<'w, GiTextureCopies>,
+}
+
+impl SurfaceAssets<'_> {
+    pub(crate) fn textures(&self) -> Textures<'_> {
+        Textures { images: self.images.as_deref(), copies: &self.copies }
+    }
 }

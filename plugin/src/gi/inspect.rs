@@ -13,8 +13,6 @@ use bevy::render::view::ExtractedView;
 
 use crate::gi::bounces::{self, BounceCamera, Patch};
 pub use crate::gi::bounces::{GiBouncesState, GiPatches};
-use crate::gi::composite;
-use crate::gi::denoise;
 pub use crate::gi::emissive::GiEmitters;
 use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
@@ -27,6 +25,7 @@ use crate::gi::trace::{self, OccluderBuffers};
 use crate::gi::vpl::{
     self, IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, VPL_BYTES, VplPlan, VplView,
 };
+use crate::gi::{composite, denoise};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 14] = [

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bevy::app::{App, PreUpdate};
+use bevy::app::{App, Plugin, PreUpdate};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::ecs::prelude::*;
 use bevy::prelude::ReflectDefault;
@@ -72,17 +72,25 @@ pub const GI_DIAGNOSTICS: [Count; 10] = [
 #[derive(Resource, Clone, Debug, Default)]
 struct SharedCounts(Arc<Mutex<GiCounts>>);
 
-pub(super) fn finish(app: &mut App) {
-    let shared = SharedCounts::default();
-    let Some(render_app) = supported_render_app(app) else { return };
-    render_app
-        .insert_resource(shared.clone())
-        .init_resource::<GiCounts>()
-        .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
-    for (path, suffix, _) in GI_DIAGNOSTICS {
-        app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
+pub(super) struct GiDiagnosticsPlugin;
+
+impl Plugin for GiDiagnosticsPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<GiCounts>();
     }
-    app.insert_resource(shared).add_systems(PreUpdate, publish);
+
+    fn finish(&self, app: &mut App) {
+        let shared = SharedCounts::default();
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .insert_resource(shared.clone())
+            .init_resource::<GiCounts>()
+            .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
+        for (path, suffix, _) in GI_DIAGNOSTICS {
+            app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
+        }
+        app.insert_resource(shared).add_systems(PreUpdate, publish);
+    }
 }
 
 fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {
