@@ -1,11 +1,12 @@
 //! What more than one part of the plugin waits for: settings being applied, pipelines being compiled.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use bevy::app::App;
 use bevy::ecs::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::{Render, RenderApp, RenderSystems};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Where settings are applied.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]

@@ -44,6 +44,8 @@ mod trace;
 mod view;
 mod vpl;
 
+use std::sync::Arc;
+
 use bevy::app::{App, Plugin};
 use bevy::camera::Camera3d;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
@@ -58,7 +60,6 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::WgpuLimits;
 use bevy::render::view::Msaa;
 use bevy::render::{Render, RenderApp, RenderSystems};
-use std::sync::Arc;
 
 pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub use rsm::RsmView;

@@ -11,8 +11,6 @@
 mod scaled;
 mod upscale;
 
-pub(crate) use scaled::ScaledView;
-
 use bevy::app::{App, Plugin};
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::schedule::{Core2d, Core2dSystems, Core3d, Core3dSystems};
@@ -25,6 +23,8 @@ use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
+
+pub(crate) use scaled::ScaledView;
 
 /// Rendered size as a fraction of the target's width and height, in [0.1, 1]; clamped, NaN counts
 /// as 1. Default: 1.

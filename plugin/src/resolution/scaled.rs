@@ -5,7 +5,6 @@
 //! camera has another target while textures are prepared, under which the real one's attachment is
 //! found, too.
 
-use super::ResolutionScale;
 use bevy::camera::{
     ClearColorConfig, ManualTextureViewHandle, MsaaWriteback, NormalizedRenderTarget,
 };
@@ -14,6 +13,8 @@ use bevy::ecs::prelude::*;
 use bevy::math::{UVec2, UVec4};
 use bevy::render::camera::{ExtractedCamera, SortedCameras};
 use bevy::render::view::{ExtractedView, ViewTargetAttachments};
+
+use super::ResolutionScale;
 
 /// The part of the target that a scaled camera fills; in the render world, on cameras whose image
 /// is smaller than that in this frame.

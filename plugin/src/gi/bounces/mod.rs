@@ -48,10 +48,7 @@ pub use camera::GiBouncesState;
 pub(super) use choice::Patch;
 use kernels::BounceKernels;
 pub use patches::GiPatches;
-
-/// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
-/// patch.
-pub(super) const PATCHES: usize = 2048;
+use patches::PATCHES;
 
 pub(super) struct BouncePlugin;
 

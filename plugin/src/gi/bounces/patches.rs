@@ -15,7 +15,6 @@ use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
-use super::PATCHES;
 use super::choice::{Candidate, Patch, choose, density, rank};
 use crate::cut::Jumps;
 use crate::gi::settings::FrugalGi;
@@ -26,6 +25,9 @@ use crate::gi::surfaces::{
 };
 use crate::gi::view::{GiCameras, LightPresence};
 
+/// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
+/// patch.
+pub(super) const PATCHES: usize = 2048;
 /// Approximate number of points on all surfaces, from which a camera's patches are selected: near
 /// surfaces can have eight times the density of patches of others.
 const POINTS: usize = 8 * PATCHES;

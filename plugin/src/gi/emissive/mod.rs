@@ -11,7 +11,8 @@ mod emission;
 mod emitters;
 mod surface;
 
-use super::texels::{TEXEL_BYTES, Texel, TexelRange, TexelStore};
+use std::sync::Arc;
+
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::VisibilitySystems;
@@ -21,9 +22,9 @@ use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::BufferId;
 use bevy::render::renderer::RenderQueue;
 use bevy::transform::TransformSystems;
-use std::sync::Arc;
 
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
+use super::texels::{TEXEL_BYTES, Texel, TexelRange, TexelStore};
 pub use emitters::GiEmitters;
 
 pub(super) struct EmissivePlugin;

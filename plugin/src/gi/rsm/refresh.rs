@@ -13,10 +13,9 @@ use bevy::mesh::Mesh3d;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
-use super::RsmView;
 use super::changes::{SceneReader, shift};
 use super::extent::{BoundingSphere, MapExtent};
-use super::map::{LightMap, MapAge};
+use super::map::{LightMap, MapAge, RsmView};
 use super::queue::{Gate, MapRequest, due};
 use super::views::MapsReweighted;
 use crate::cut::Jumps;

@@ -1,23 +1,23 @@
 //! A GI camera's buffers for its sky, and the pipelines.
 
-use crate::gi::trace::OccluderBuffers;
-use bevy::asset::load_embedded_asset;
-use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_2d_array, texture_depth_2d, uniform_buffer,
-};
-use bevy::render::view::ViewUniform;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use bevy::asset::load_embedded_asset;
 use bevy::ecs::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::binding_types::{
+    texture_2d, texture_2d_array, texture_depth_2d, uniform_buffer,
+};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
+use bevy::render::view::ViewUniform;
 use bytemuck::{Pod, Zeroable};
 
 use crate::gi::compute::{Kernel, bytes_of, empty_buffer, filled_buffer, read, write};
 use crate::gi::settings::FrugalGi;
+use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};
 
 /// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test compares it with the shader.

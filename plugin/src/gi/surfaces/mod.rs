@@ -47,10 +47,11 @@ impl Plugin for SurfacesPlugin {
                 .after(VisibilitySystems::VisibilityPropagate)
                 .after(VisibilitySystems::CalculateBounds),
         );
+        copies::pass::embed(app);
         copies::build(app);
     }
 
     fn finish(&self, app: &mut App) {
-        copies::finish(app);
+        copies::pass::finish(app);
     }
 }

@@ -1,8 +1,6 @@
 //! What lights GI cameras: whether there is light to gather, without which GI holds no buffers, and a
 //! camera's environment map.
 
-use crate::gi::schedule::supported_render_app;
-use crate::gi::settings::FrugalGi;
 use bevy::app::App;
 use bevy::asset::AssetId;
 use bevy::ecs::prelude::*;
@@ -11,6 +9,9 @@ use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight};
 use bevy::math::Quat;
 use bevy::render::sync_world::RenderEntity;
 use bevy::render::{Extract, ExtractSchedule};
+
+use crate::gi::schedule::supported_render_app;
+use crate::gi::settings::FrugalGi;
 
 /// The kinds of light in the scene, in the main world. Written in
 /// [`SceneSystems::Maps`](crate::gi::schedule::SceneSystems) and `Emissive`.

@@ -8,18 +8,18 @@
 //! | `copy.wgsl` averages the texture into the buffer | render |
 //! | `receive` keeps the image, and the surface finds it | main |
 
-mod pass;
+pub(super) mod pass;
 
-use bevy::asset::{AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages};
-use bevy::mesh::Mesh;
-use bevy::pbr::StandardMaterial;
 use std::sync::{Mutex, PoisonError};
 
 use bevy::app::{App, PostUpdate};
+use bevy::asset::{AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::UVec2;
+use bevy::mesh::Mesh;
+use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
@@ -29,7 +29,6 @@ use bevy::render::render_resource::{
 use bevy::render::storage::ShaderBuffer;
 
 use crate::gi::schedule::SceneSystems;
-pub(super) use pass::finish;
 
 /// Most texels along a side of a copy. Emission and reflectance are averaged over surfaces, which
 /// hides finer ones; holes of masks are as fine as they are (`docs/limits.md`).
@@ -129,7 +128,6 @@ struct CopyAssets<'w, 's> {
 }
 
 pub(super) fn build(app: &mut App) {
-    pass::embed(app);
     app.init_resource::<GiTextureCopies>()
         .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
         // Before surfaces are read, so that they find no copy of an image that changed.
