@@ -85,5 +85,5 @@ fn constants_are_those_of_the_plugin() {
 
 fn copies_of_a_constant_are_equal() {
     let [one, other] = ["bounces/reflect.wgsl", "vpl/sample.wgsl"].map(shader);
-    assert_eq!(definition("MOST_FLUX", &one), definition("MOST_FLUX", &other));
+    assert_eq!(definition("MAX_FLUX", &one), definition("MAX_FLUX", &other));
 }

@@ -109,7 +109,7 @@ pub(super) fn reflect(
     mut context: RenderContext,
 ) {
     let (camera, gi_view, vpl_view, sky, prepass, view_offset) = view.into_inner();
-    // What samples again has the weights of its texels as they were.
+    // Resampling reuses last frame's weights.
     if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }

@@ -37,7 +37,7 @@ const SKY_RAYS: u32 = 2u;
 /// otherwise.
 const MEAN_COSINE: f32 = 0.6666667;
 /// Lumens, with which sums over all texels stay finite: as in `vpl/sample.wgsl`.
-const MOST_FLUX: f32 = 1e25;
+const MAX_FLUX: f32 = 1e25;
 
 @compute @workgroup_size(64)
 fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -85,7 +85,7 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
         let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
         let flux = light * 0.31830987 * own.area * share;
-        texel.flux = select(vec3(0.0), min(flux, vec3(MOST_FLUX)), flux >= vec3(0.0));
+        texel.flux = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
     }
     texels[range.first_texel + index] = texel;
 }

@@ -25,18 +25,18 @@
 #endif
 
 /// Most VPLs, and most samples of the sky, that a low-resolution pixel evaluates.
-const MOST_VPLS: u32 = 1024u;
-const MOST_SKY_SAMPLES: u32 = 32u;
+const MAX_VPLS: u32 = 1024u;
+const MAX_SKY_SAMPLES: u32 = 32u;
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<uniform> vpls: array<Vpl, MOST_VPLS>;
+@group(0) @binding(3) var<uniform> vpls: array<Vpl, MAX_VPLS>;
 @group(0) @binding(4) var<uniform> gather: Gather;
 @group(0) @binding(5) var<storage, read> plan: Plan;
 @group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
 #ifdef SKY_RAYS
-@group(0) @binding(7) var<uniform> sky_samples: array<SkyLight, MOST_SKY_SAMPLES>;
+@group(0) @binding(7) var<uniform> sky_samples: array<SkyLight, MAX_SKY_SAMPLES>;
 @group(0) @binding(8) var<storage, read> sky_plan: SkyPlan;
 #endif
 

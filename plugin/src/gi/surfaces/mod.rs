@@ -21,7 +21,7 @@ use bevy::transform::TransformSystems;
 
 use super::schedule::SceneSystems;
 pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
-pub(super) use changes::MeshDelta;
+pub(super) use changes::MeshChanges;
 #[cfg(test)]
 pub(super) use changes::note as note_changes;
 pub use copies::GiTextureCopies;
@@ -37,7 +37,7 @@ pub(super) struct SurfacesPlugin;
 
 impl Plugin for SurfacesPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<MeshDelta>().add_systems(
+        app.init_resource::<MeshChanges>().add_systems(
             PostUpdate,
             // Need this frame's asset events, final transforms, boxes and visibility.
             changes::note

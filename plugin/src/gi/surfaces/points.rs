@@ -6,7 +6,7 @@
 use bevy::math::{Affine3A, DVec3, Mat3A, Vec3, VectorSpace};
 
 /// Triangles beyond this, metres, are left out: their areas would leave the range of a float.
-const GREATEST_COORDINATE: f32 = 1e15;
+const MAX_COORDINATE: f32 = 1e15;
 
 /// A point on a triangle of a mesh.
 #[derive(Clone, Copy, Debug)]
@@ -104,9 +104,7 @@ fn area_vector([a, b, c]: &[Vec3; 3]) -> DVec3 {
 }
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
-    triangle
-        .iter()
-        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE)
+    triangle.iter().all(|corner| corner.is_finite() && corner.abs().max_element() < MAX_COORDINATE)
 }
 
 /// The cofactor matrix, which transforms normal × area from the mesh to the world. A mirrored mesh

@@ -19,12 +19,12 @@ use obvhs::bvh2::Bvh2;
 /// Low bits of a leaf that store its count of primitives.
 const COUNT_BITS: u32 = 3;
 /// Most primitives of a leaf.
-const MOST_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
+const MAX_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
 /// Triangles whose area, relative to their box's greatest side squared, is smaller than this are
 /// left out: they occlude nothing, and their determinant vanishes.
-const LEAST_AREA: f32 = 1e-12;
+const MIN_AREA: f32 = 1e-12;
 /// Positions beyond this, metres, would overflow the box tests.
-const GREATEST_COORDINATE: f32 = 1e15;
+const MAX_COORDINATE: f32 = 1e15;
 
 /// `trace/trace.wgsl`'s `Node`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -59,7 +59,7 @@ impl Node {
     /// The primitives of a leaf.
     pub(crate) fn primitives(&self) -> std::ops::Range<usize> {
         let first = (self.leaf >> COUNT_BITS) as usize;
-        first..first + (self.leaf & MOST_IN_LEAF) as usize
+        first..first + (self.leaf & MAX_IN_LEAF) as usize
     }
 }
 
@@ -205,7 +205,7 @@ fn flatten(tree: &Bvh2) -> FlatBvh {
                     continue;
                 }
                 let primitives = &tree.primitive_indices[first..first + node.prim_count as usize];
-                for some in primitives.chunks(MOST_IN_LEAF as usize) {
+                for some in primitives.chunks(MAX_IN_LEAF as usize) {
                     let leaf = (flat.order.len() as u32) << COUNT_BITS | some.len() as u32;
                     flat.nodes.push(Node {
                         leaf,
@@ -259,7 +259,7 @@ impl MeshBvh {
         let (min, max) = (center - half, center + half);
         (min.is_finite()
             && max.is_finite()
-            && max.abs().max(min.abs()).max_element() < GREATEST_COORDINATE)
+            && max.abs().max(min.abs()).max_element() < MAX_COORDINATE)
             .then_some((min, max))
     }
 }
@@ -268,10 +268,10 @@ fn is_usable(triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = *triangle;
     let valid = triangle
         .iter()
-        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
+        .all(|corner| corner.is_finite() && corner.abs().max_element() < MAX_COORDINATE);
     let side = (b - a).abs().max((c - a).abs()).max_element();
     // In units of its own size, so that neither tiny nor huge triangles leave the range of a float.
-    valid && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
+    valid && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > MIN_AREA
 }
 
 /// `trace/trace.wgsl`'s `Instance`.

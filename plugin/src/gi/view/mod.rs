@@ -29,9 +29,9 @@ use super::texels::{TexelRow, same_layout};
 pub use crate::cut::CameraCut;
 use crate::cut::Jumps;
 pub use frame::GiRefresh;
-pub(super) use frame::{GiFrame, SceneDelta};
+pub(super) use frame::{GiFrame, MapChanges};
 pub(super) use light::{LightPresence, SkySource};
-pub(super) use shown::{GiCameras, Showing, Shown};
+pub(super) use shown::{GiCameras, MeshVisibility, VisibilityFilter};
 pub(super) use work::{HistoryAction, Work};
 
 pub(super) struct ViewPlugin;

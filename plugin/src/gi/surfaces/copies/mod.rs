@@ -32,9 +32,9 @@ use crate::gi::schedule::SceneSystems;
 
 /// Most texels along a side of a copy. Emission and reflectance are averaged over surfaces, which
 /// hides finer ones; holes of masks are as fine as they are (`docs/limits.md`).
-const MOST_SIDE: u32 = 128;
+const MAX_SIDE: u32 = 128;
 /// Copies on their way at once: at most 0.5 MiB are read back in a frame.
-const MOST_REQUESTS: usize = 4;
+const MAX_REQUESTS: usize = 4;
 /// Frames after which a texture is given up. Its pipeline compiles, and the texture itself loads,
 /// within far fewer.
 const PATIENCE_FRAMES: u32 = 600;
@@ -160,7 +160,7 @@ fn ask(
     wanted.retain(|id| copies.is_new(*id));
     // The same order in every run. The others are asked for again.
     wanted.sort_unstable();
-    wanted.truncate(MOST_REQUESTS.saturating_sub(copies.requested.len()));
+    wanted.truncate(MAX_REQUESTS.saturating_sub(copies.requested.len()));
     let (Some(images), Some(buffers)) = (assets.images, assets.buffers.as_mut()) else { return };
     for id in wanted {
         let Some(image) = images.get(id) else { continue };
@@ -168,7 +168,7 @@ fn ask(
             copies.copies.insert(id, None);
             continue;
         }
-        let size = image.size().max(UVec2::ONE).min(UVec2::splat(MOST_SIDE));
+        let size = image.size().max(UVec2::ONE).min(UVec2::splat(MAX_SIDE));
         let bytes = (size.element_product() as usize + 1) * TEXEL_BYTES;
         let buffer = buffers.add(ShaderBuffer::with_size(bytes, RenderAssetUsages::RENDER_WORLD));
         let readback = Readback::buffer(buffer.clone());
