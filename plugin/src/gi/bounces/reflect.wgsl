@@ -2,9 +2,8 @@
 //
 // Bounce VPLs light the patches: VPLs sampled from the maps' texels, from emissive surfaces and,
 // from the second round on, from the patches of the round before. Every patch evaluates all of
-// them. With sets of 64 (a sixteenth each), the bounce was up to 8 % darker near bright spots, and
-// blotchy; and a uniform buffer is fast where all threads read the same element. Visibility by rays
-// as in `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
+// them: small sets would be blotchy near bright spots. Visibility by rays as in
+// `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}

@@ -1,14 +1,13 @@
 // Sums the irradiance from a camera's virtual point lights: one thread per low-resolution pixel and
 // its set of VPLs, one dispatch per set.
 //
-// The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage
-// buffer and twice as fast as a copy in workgroup memory. A dynamic offset chooses the set.
+// The VPLs of a set lie in a uniform array, which is fast where all threads read the same element. A
+// dynamic offset chooses the set.
 //
 // With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
 // rays: one VPL is sampled per stratum by luminance, and one ray accepts or rejects the stratum's
-// sum. The hue is the stratum's, not the sampled VPL's. The VPL's hue would be unbiased in each
-// channel, but speckles every wall in the colours of its lights. So there is no noise where nothing
-// is occluded, and where only one colour of light is occluded, some of it stays in the hue.
+// sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but speckle
+// every wall in the colours of its lights.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather

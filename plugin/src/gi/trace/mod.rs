@@ -14,12 +14,9 @@
 //! | `buffers` | render | keeps all on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
 //!
-//! Why rays and not imperfect shadow maps (Ritschel et al. 2008): low-resolution depth maps, one
-//! per VPL, must all be rendered again whenever anything moves (79 MB and 2.7 of 8.7 ms in the best
-//! public implementation), leak around every VPL, and miss geometry thinner than a texel. We need
-//! far fewer visibility queries than there are VPLs: the gather tests, per pixel, only a few VPLs
-//! sampled in proportion to their unoccluded irradiance (see `gather/gather.wgsl`), and rays answer
-//! these exactly.
+//! Rays, not imperfect shadow maps (Ritschel et al. 2008): the gather needs only a few visibility
+//! queries per pixel (see `gather/gather.wgsl`), which rays answer exactly, while a depth map per VPL
+//! would be rendered whenever anything moves.
 
 mod arena;
 mod buffers;

@@ -33,13 +33,12 @@ use crate::gi::view::{GiCameras, LightPresence, MeshVisibility, VisibilityFilter
 /// detail of a [`VisibilityRange`], the one at the camera's distance. Exceptions: transparent and
 /// transmissive ones, those with [`NotShadowCaster`], and those whose asset is kept for the GPU alone
 /// (with a warning). Of skinned meshes, each joint moves a rigid piece, slimmer where several joints
-/// move it. Alpha masks
-/// of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
-/// uncompressed format (else no holes, with a warning). Where the image of
-/// a mask changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
-/// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
-/// until then. Where fewer meshes come than are there, 256 a frame become occluders, so that what a level
-/// streams in is spread over frames.
+/// move it. Alpha masks of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per
+/// triangle, where the CPU can read the mask's image (else no holes, with a warning). Where that image
+/// changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move
+/// vertices are ignored. Meshes of more than 4096 triangles, or 64 with a mask, are built in the
+/// background and occlude nothing until then. Where fewer meshes come than are there, 256 a frame
+/// become occluders, so that what a level streams in is spread over frames.
 ///
 /// [render layer]: bevy::camera::visibility::RenderLayers
 /// [`VisibilityRange`]: bevy::camera::visibility::VisibilityRange
@@ -75,8 +74,8 @@ impl GiOccluders {
     }
 }
 
-/// Meshes that become occluders in one frame, at most, where fewer come than are there. Higher values make
-/// them occlude earlier, and frames in which many come take longer.
+/// Meshes that become occluders in one frame, at most, where fewer come than are there. Higher
+/// values: they occlude earlier, and frames in which many come take longer.
 const MAX_NEW: usize = 256;
 
 /// What occludes light, and the trees of it.
