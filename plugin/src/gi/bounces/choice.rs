@@ -1,4 +1,5 @@
-//! A patch, and the selection of the points of the scene's surfaces that become patches: plain Rust, no renderer.
+//! A patch, and the selection of the points of the scene's surfaces that become patches: plain
+//! Rust, no renderer.
 //!
 //! Priority sampling (Duffield, Lund and Thorup 2007, "Priority sampling for estimation of
 //! arbitrary subset sums"): every point has a weight and a permanent rank, and its priority is

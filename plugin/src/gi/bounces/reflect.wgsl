@@ -11,7 +11,7 @@
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
-#import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
+#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl, from_vpl}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif
@@ -35,8 +35,6 @@ const SKY_RAYS: u32 = 2u;
 /// Mean cosine of uniform incident light: the scattered share depends little on its direction
 /// otherwise.
 const MEAN_COSINE: f32 = 0.6666667;
-/// Lumens, with which sums over all texels stay finite: as in `vpl/sample.wgsl`.
-const MAX_FLUX: f32 = 1e25;
 
 @compute @workgroup_size(64)
 fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {

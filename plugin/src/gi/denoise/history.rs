@@ -108,7 +108,8 @@ pub(in crate::gi) struct History {
     pub(super) reprojection: Buffer,
     /// Its camera.
     camera: Option<GatherCamera>,
-    /// Most frames in the accumulated mean of any pixel. At rest it falls to 1: the last gather, without any history.
+    /// Most frames in the accumulated mean of any pixel. At rest it falls to 1: the last gather,
+    /// without any history.
     length: u32,
     /// Whether the accumulated irradiance changes in this frame.
     pub(super) accumulates: bool,

@@ -10,7 +10,7 @@ use crate::gi::surfaces::{Sides, SurfacePoint, SurfacePoints, area_matrix};
 use crate::gi::texels::Texel;
 
 /// Largest flux of a texel, lumens, with which sums over all texels stay finite. The same bound
-/// holds for VPLs in `vpl/sample.wgsl`.
+/// holds for VPLs in `vpl/vpl.wgsl`.
 const MAX_FLUX: f64 = 1e25;
 
 /// An emissive surface as points with their emissive colour: linear RGB.

@@ -28,7 +28,9 @@ pub use copies::GiTextureCopies;
 pub(super) use copies::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use mesh::{Sides, Triangles, triangles};
-pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
+pub(super) use points::{
+    MAX_COORDINATE, SurfacePoint, SurfacePoints, TrianglePoint, area_matrix, is_in_range,
+};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 pub(super) use set::{SurfaceInstance, SurfaceMesh, SurfaceSet};
 pub(super) use texture::{MeshTexture, TextureUse};

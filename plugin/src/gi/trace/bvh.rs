@@ -16,6 +16,8 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
+use crate::gi::surfaces::{MAX_COORDINATE, is_in_range};
+
 /// Low bits of a leaf that store its count of primitives.
 const COUNT_BITS: u32 = 3;
 /// Most primitives of a leaf.
@@ -23,8 +25,6 @@ const MAX_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
 /// Triangles whose area, relative to their box's greatest side squared, is smaller than this are
 /// left out: they occlude nothing, and their determinant vanishes.
 const MIN_AREA: f32 = 1e-12;
-/// Positions beyond this, metres, would overflow the box tests.
-const MAX_COORDINATE: f32 = 1e15;
 
 /// `trace/trace.wgsl`'s `Node`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -266,12 +266,11 @@ impl MeshBvh {
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = *triangle;
-    let valid = triangle
-        .iter()
-        .all(|corner| corner.is_finite() && corner.abs().max_element() < MAX_COORDINATE);
     let side = (b - a).abs().max((c - a).abs()).max_element();
     // In units of its own size, so that neither tiny nor huge triangles leave the range of a float.
-    valid && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > MIN_AREA
+    is_in_range(triangle)
+        && side > 0.0
+        && ((b - a) / side).cross((c - a) / side).length() > MIN_AREA
 }
 
 /// `trace/trace.wgsl`'s `Instance`.

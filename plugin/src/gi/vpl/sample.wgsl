@@ -12,7 +12,7 @@
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::texels::rows::Row
-#import bevy_frugal_gi::gi::vpl::vpl::Vpl
+#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl}
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
@@ -95,9 +95,7 @@ fn find_texel(first: u32, length: u32, threshold: f32) -> u32 {
     return low;
 }
 
-/// Bounds in lumens and m² with which the irradiance from a thousand VPLs stays finite at any
-/// distance.
-const MAX_FLUX: f32 = 1e25;
+/// m², with which the irradiance from a thousand VPLs stays finite at any distance.
 const MIN_RADIUS_SQUARED: f32 = 1e-10;
 
 @compute @workgroup_size(64)
