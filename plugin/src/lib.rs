@@ -37,7 +37,6 @@ pub mod frontier;
 pub mod gi;
 pub mod knobs;
 pub mod pacing;
-mod pipelines;
 pub mod power;
 pub mod resolution;
 mod schedule;

@@ -22,17 +22,18 @@
 //! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
 //! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
-//! | `debug` | both | counters, and access to buffers |
+//! | `diagnostics`, `inspect` | both | counters; access to buffers, for tests |
 
 mod bounces;
 mod camera;
 mod composite;
 mod compute;
-mod debug;
 mod denoise;
+mod diagnostics;
 mod emissive;
 mod gather;
-mod masks;
+#[cfg(feature = "inspect")]
+pub mod inspect;
 mod rsm;
 mod schedule;
 mod settings;
@@ -43,21 +44,24 @@ mod trace;
 mod view;
 mod vpl;
 
+use std::sync::Arc;
+
 use bevy::app::{App, Plugin};
 use bevy::camera::Camera3d;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
-use bevy::log::warn;
-use bevy::pbr::DefaultOpaqueRendererMethod;
+use bevy::log::{warn, warn_once};
+use bevy::material::labels::DrawFunctionLabel;
+use bevy::material::{OpaqueRendererMethod, RenderPhaseType};
+use bevy::pbr::{DefaultOpaqueRendererMethod, MainPassAlphaMaskDrawFunction, PreparedMaterial};
+use bevy::render::erased_render_asset::ErasedRenderAssets;
 use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::WgpuLimits;
 use bevy::render::view::Msaa;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
-#[cfg(feature = "inspect")]
-pub use debug::inspect;
-pub use debug::{GiCounts, GiDiagnosticsPlugin};
+pub use diagnostics::{GiCounts, GiDiagnosticsPlugin};
 pub use rsm::RsmView;
 pub use schedule::{GiSupport, GiSystems};
 pub use settings::{
@@ -146,11 +150,11 @@ impl Plugin for GiPlugin {
 
     // The plugins above finish after this one.
     fn finish(&self, app: &mut App) {
-        crate::pipelines::finish(app);
+        crate::schedule::watch_pipelines(app);
         crate::atmosphere::share_atmosphere(app);
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         // With or without global illumination, since every camera is deferred.
-        render_app.add_systems(Render, masks::draw_once.in_set(RenderSystems::Specialize));
+        render_app.add_systems(Render, draw_masked_once.in_set(RenderSystems::Specialize));
         let Some(device) = render_app.world().get_resource::<RenderDevice>() else { return };
         let lacking = lacking_limits(&device.limits());
         if !lacking.is_empty() {
@@ -183,4 +187,37 @@ fn lacking_limits(limits: &WgpuLimits) -> Vec<&'static str> {
     .into_iter()
     .filter_map(|(lacks, name)| lacks.then_some(name))
     .collect()
+}
+
+/// Keeps Bevy 0.19.1 from drawing deferred alpha-masked meshes twice.
+///
+/// They are drawn into the G-buffer and lit by the deferred pass. The forward alpha-mask pass then
+/// draws them again over that, without direct light. Bevy leaves opaque deferred materials out of the
+/// forward pass; this does the same for masked ones. It matters here because [`GiPlugin`] makes
+/// deferred rendering the default and gives every camera a deferred prepass.
+///
+/// Takes the forward pass's draw function away from deferred alpha-masked materials, before meshes
+/// are queued for drawing.
+fn draw_masked_once(mut materials: ResMut<ErasedRenderAssets<PreparedMaterial>>) {
+    if !materials.is_changed() {
+        return;
+    }
+    let forward = MainPassAlphaMaskDrawFunction.intern();
+    // This change must not trigger change detection in the next frame.
+    for (_, material) in materials.bypass_change_detection().iter_mut() {
+        let properties = &material.properties;
+        let is_masked = matches!(properties.render_phase_type, RenderPhaseType::AlphaMask);
+        if !is_masked
+            || properties.render_method != OpaqueRendererMethod::Deferred
+            || properties.get_draw_function(forward).is_none()
+        {
+            continue;
+        }
+        match Arc::get_mut(&mut material.properties) {
+            Some(properties) => properties.draw_functions.retain(|(label, _)| *label != forward),
+            None => warn_once!(
+                "a deferred alpha-masked material is shared and stays drawn twice: it may lack direct light"
+            ),
+        }
+    }
 }

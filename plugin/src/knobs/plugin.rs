@@ -31,7 +31,7 @@ impl Plugin for KnobPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        crate::pipelines::finish(app);
+        crate::schedule::watch_pipelines(app);
         // By now every plugin has registered its knobs: the controller rejects a map with others
         // from the first frame on.
         let known = KnownKnobs::of(app.world().resource::<KnobRegistry>());

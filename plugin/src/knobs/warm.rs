@@ -12,7 +12,7 @@ use bevy::log::warn;
 use bevy::platform::time::Instant;
 
 use super::{KnobLevels, KnobSettings, KnobSpace, KnobSystems};
-use crate::pipelines::PipelinesBusy;
+use crate::schedule::PipelinesBusy;
 
 /// Consecutive frames without pending pipelines after which all count as compiled: the renderer's
 /// report lags up to two frames behind the settings, and the output of one pass may require the

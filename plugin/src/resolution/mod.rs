@@ -3,16 +3,13 @@
 //!
 //! Bevy 0.19's own mechanisms do not work for a deferred camera: no shader reads its resolution
 //! override, and a smaller viewport breaks ambient occlusion. So this module gives the extracted
-//! camera a smaller size and no viewport before any of its textures is made (`scaled`), textures
-//! of its own (`separate`), and its own pass writes the target, or the viewport's part of it, in
+//! camera a smaller size and no viewport before any of its textures is made, and textures of its
+//! own (`scaled`), and its own pass writes the target, or the viewport's part of it, in
 //! place of Bevy's unfiltered blit (`upscale`). At scale 1 none of that applies, and the image is
 //! bit-identical to Bevy's.
 
 mod scaled;
-mod separate;
 mod upscale;
-
-pub(crate) use scaled::ScaledView;
 
 use bevy::app::{App, Plugin};
 use bevy::asset::embedded_asset;
@@ -26,6 +23,8 @@ use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
+
+pub(crate) use scaled::ScaledView;
 
 /// Rendered size as a fraction of the target's width and height, in [0.1, 1]; clamped, NaN counts
 /// as 1. Default: 1.
@@ -81,13 +80,13 @@ impl Plugin for ResolutionPlugin {
                         .after(RenderSystems::ExtractCommands)
                         .before(RenderSystems::CreateViews),
                     // Textures are shared by target. Needs the target's attachment.
-                    separate::separate_targets
+                    scaled::separate_targets
                         .in_set(RenderSystems::PrepareViews)
                         .after(prepare_view_attachments)
                         .before(prepare_view_targets),
                     upscale::prepare_pipelines.in_set(RenderSystems::Prepare),
                     // Skipping before view targets are prepared would leave the camera without one.
-                    (separate::rejoin_targets, upscale::take_over_output)
+                    (scaled::rejoin_targets, upscale::take_over_output)
                         .in_set(RenderSystems::PrepareBindGroups),
                 ),
             )

@@ -14,8 +14,7 @@ use bevy::shader::Shader;
 use bevy::utils::default;
 
 use super::ResolutionScale;
-use super::scaled::ScaledView;
-use super::separate::is_over_another;
+use super::scaled::{ScaledView, is_over_another};
 
 /// Upscaling pipeline of a camera that is rendered at a smaller size in this frame, and the color
 /// that its target is cleared with if no camera has written it yet; in the render world.

@@ -9,8 +9,7 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `patch` | none | a patch as the GPU reads it |
-//! | `choice` | none | selects the points that become patches |
+//! | `choice` | none | a patch as the GPU reads it; selects the points that become patches |
 //! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
 //! | `pick.wgsl`, `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
@@ -18,7 +17,6 @@
 mod camera;
 mod choice;
 mod kernels;
-mod patch;
 mod patches;
 
 use std::sync::atomic::Ordering;
@@ -47,13 +45,10 @@ use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(super) use camera::BOUNCE_VPLS;
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
+pub(super) use choice::Patch;
 use kernels::BounceKernels;
-pub(super) use patch::Patch;
 pub use patches::GiPatches;
-
-/// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
-/// patch.
-pub(super) const PATCHES: usize = 2048;
+use patches::PATCHES;
 
 pub(super) struct BouncePlugin;
 
@@ -114,7 +109,7 @@ pub(super) fn reflect(
     mut context: RenderContext,
 ) {
     let (camera, gi_view, vpl_view, sky, prepass, view_offset) = view.into_inner();
-    // What samples again has the weights of its texels as they were.
+    // Resampling reuses last frame's weights.
     if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }

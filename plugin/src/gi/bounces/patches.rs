@@ -15,23 +15,24 @@ use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
-use super::PATCHES;
-use super::choice::{Candidate, choose, density, rank};
-use super::patch::Patch;
+use super::choice::{Candidate, Patch, choose, density, rank};
 use crate::cut::Jumps;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    MaterialSample, MeshDelta, Reflectance, SurfaceAssets, SurfaceEvents, SurfaceInstance,
+    MaterialSample, MeshChanges, Reflectance, SurfaceAssets, SurfaceEvents, SurfaceInstance,
     SurfaceKey, SurfaceMesh, SurfacePoint, SurfacePoints, SurfaceSet, TrianglePoint, Triangles,
     area_matrix, triangles,
 };
 use crate::gi::view::{GiCameras, LightPresence};
 
+/// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
+/// patch.
+pub(super) const PATCHES: usize = 2048;
 /// Approximate number of points on all surfaces, from which a camera's patches are selected: near
 /// surfaces can have eight times the density of patches of others.
 const POINTS: usize = 8 * PATCHES;
 /// Most points of one surface.
-const MOST_POINTS: usize = 8192;
+const MAX_POINTS: usize = 8192;
 /// A surface keeps up to so many times its target count of points.
 const TOO_MANY: usize = 8;
 /// Points of a surface before its importance is known.
@@ -151,7 +152,7 @@ pub(super) fn update(
     cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
     meshes: Query<SurfaceMesh, (Without<SkinnedMesh>, Without<NotShadowCaster>)>,
     gi_cameras: GiCameras,
-    (delta, jumps): (Res<MeshDelta>, Res<Jumps>),
+    (changes, jumps): (Res<MeshChanges>, Res<Jumps>),
 ) {
     let Surfaces { points: surfaces, focuses: before } = &mut *surfaces;
     surfaces.cache.read(&mut events);
@@ -182,7 +183,7 @@ pub(super) fn update(
     let materials = assets.materials.as_deref();
     let changed = surfaces.update(
         &meshes,
-        (&gi_cameras.shown(), &delta),
+        (&gi_cameras.shown(), &changes),
         |mesh, material| {
             let reflectance = Reflectance::new(materials?.get(material)?)?;
             Some((PatchKey { mesh, reflectance }, ()))
@@ -285,7 +286,7 @@ fn refine(
     let mut are_refined = true;
     for (key, importance) in importance {
         let target =
-            (POINTS as f64 * importance / total).ceil().clamp(1.0, MOST_POINTS as f64) as usize;
+            (POINTS as f64 * importance / total).ceil().clamp(1.0, MAX_POINTS as f64) as usize;
         let target = target.next_power_of_two();
         let Some(Some(points)) = held.get_mut(&key) else { continue };
         let count = points.points.len();

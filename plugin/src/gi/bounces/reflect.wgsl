@@ -2,9 +2,8 @@
 //
 // Bounce VPLs light the patches: VPLs sampled from the maps' texels, from emissive surfaces and,
 // from the second round on, from the patches of the round before. Every patch evaluates all of
-// them. With sets of 64 (a sixteenth each), the bounce was up to 8 % darker near bright spots, and
-// blotchy; and a uniform buffer is fast where all threads read the same element. Visibility by rays
-// as in `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
+// them: small sets would be blotchy near bright spots. Visibility by rays as in
+// `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
@@ -12,7 +11,7 @@
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
-#import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
+#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl, from_vpl}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif
@@ -36,8 +35,6 @@ const SKY_RAYS: u32 = 2u;
 /// Mean cosine of uniform incident light: the scattered share depends little on its direction
 /// otherwise.
 const MEAN_COSINE: f32 = 0.6666667;
-/// Lumens, with which sums over all texels stay finite: as in `vpl/sample.wgsl`.
-const MOST_FLUX: f32 = 1e25;
 
 @compute @workgroup_size(64)
 fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -85,7 +82,7 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
         let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
         let flux = light * 0.31830987 * own.area * share;
-        texel.flux = select(vec3(0.0), min(flux, vec3(MOST_FLUX)), flux >= vec3(0.0));
+        texel.flux = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
     }
     texels[range.first_texel + index] = texel;
 }

@@ -6,7 +6,6 @@
 //! volumes, and transparent meshes. Distance fog is part of Bevy's shading of each surface, so the
 //! composite dims its own light by it.
 
-mod baked;
 mod pipelines;
 
 use bevy::app::{App, Plugin};
@@ -16,8 +15,10 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
+use bevy::light::IrradianceVolume;
 use bevy::pbr::{
-    FogMeta, ScreenSpaceAmbientOcclusionResources, ViewFogUniformOffset, main_transmissive_pass_3d,
+    FogMeta, RenderViewLightProbes, ScreenSpaceAmbientOcclusionResources, ViewFogUniformOffset,
+    main_transmissive_pass_3d,
 };
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -47,7 +48,7 @@ impl Plugin for CompositePlugin {
             .add_systems(
                 Render,
                 (
-                    baked::leave_out_volumes
+                    leave_out_volumes
                         .after(RenderSystems::ExtractCommands)
                         .before(RenderSystems::PrepareAssets),
                     pipelines::prepare.in_set(RenderSystems::Prepare),
@@ -176,4 +177,25 @@ fn draw(
         }
     }
     span.end(context.command_encoder());
+}
+
+/// Keeps baked light from being counted twice.
+///
+/// An irradiance volume holds the diffuse light that reaches its voxels: that of bounces, which a GI
+/// camera gathers, and of the sky. While a camera gathers, Bevy does not get its volumes; where GI is
+/// off, by its settings or for want of light, it does. So a level of a knob that switches GI off falls
+/// back to what was baked.
+///
+/// Runs before Bevy notes, for the keys of pipelines, whether a view has volumes: pipelines that read
+/// volumes which are not bound end rendering. A view is known to gather from its second frame on.
+fn leave_out_volumes(
+    mut commands: Commands,
+    views: Query<
+        (Entity, &FrugalGi),
+        (With<GiView>, With<RenderViewLightProbes<IrradianceVolume>>),
+    >,
+) {
+    for (view, _) in views.iter().filter(|(_, gi)| !gi.irradiance_volumes) {
+        commands.entity(view).remove::<RenderViewLightProbes<IrradianceVolume>>();
+    }
 }

@@ -17,7 +17,7 @@ use crate::gi::gather::{
 use crate::gi::view::{GatherCamera, GiView, HistoryAction};
 
 /// Longest history, in frames.
-const MOST_FRAMES: u32 = 64;
+const MAX_FRAMES: u32 = 64;
 /// How much more the late frames of a rest count than its early ones: the n-th counts for n to this
 /// power. Higher values: what was gathered in motion, lag and blur included, weighs less in the end,
 /// and fewer frames share the mean.
@@ -108,7 +108,8 @@ pub(in crate::gi) struct History {
     pub(super) reprojection: Buffer,
     /// Its camera.
     camera: Option<GatherCamera>,
-    /// Most frames in the accumulated mean of any pixel. At rest it falls to 1: the last gather, without any history.
+    /// Most frames in the accumulated mean of any pixel. At rest it falls to 1: the last gather,
+    /// without any history.
     length: u32,
     /// Whether the accumulated irradiance changes in this frame.
     pub(super) accumulates: bool,
@@ -150,7 +151,7 @@ impl History {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) {
-        let frames = view.gi.history_frames.clamp(1, MOST_FRAMES);
+        let frames = view.gi.history_frames.clamp(1, MAX_FRAMES);
         let length = match view.history {
             HistoryAction::Begins => 1,
             HistoryAction::Moves => frames.min(self.length + 1),

@@ -24,7 +24,7 @@ use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshDelta, MeshTexture, SurfaceAssets, SurfaceEvents, SurfaceInstance,
+    Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceEvents, SurfaceInstance,
     SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint, Triangles,
     triangles,
 };
@@ -35,7 +35,7 @@ use crate::gi::view::{GiCameras, LightPresence};
 /// one that flickers does not change the others' texels.
 const TEXELS: usize = 1024;
 /// Most emissive surfaces. The most powerful ones are kept.
-const MOST_SURFACES: usize = 4096;
+const MAX_SURFACES: usize = 4096;
 /// Candidate points for each texel of a surface with a texture or a mask: points on dark texture or
 /// in holes become no texel.
 const PATTERNED_POINTS: usize = 16;
@@ -142,7 +142,7 @@ pub(super) fn update(
     cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
     meshes: Query<SurfaceMesh, Without<SkinnedMesh>>,
     gi_cameras: GiCameras,
-    delta: Res<MeshDelta>,
+    changes: Res<MeshChanges>,
 ) {
     let EmissiveState { materials, surfaces, exposures } = &mut *state;
     for event in material_events.iter_mut().flat_map(MessageReader::read) {
@@ -173,7 +173,7 @@ pub(super) fn update(
     }
     let changed = surfaces.update(
         &meshes,
-        (&gi_cameras.shown(), &delta),
+        (&gi_cameras.shown(), &changes),
         |mesh, material| {
             let emission = *materials.get(&material)?;
             let Emission { texture, mask, .. } = emission;
@@ -272,13 +272,13 @@ fn assemble(
             (power > 0.0 && power.is_finite()).then_some((instance, radiance, power))
         })
         .collect();
-    if emissive.len() > MOST_SURFACES {
+    if emissive.len() > MAX_SURFACES {
         warn_once!(
-            "{} surfaces are emissive: only the {MOST_SURFACES} most powerful ones light others",
+            "{} surfaces are emissive: only the {MAX_SURFACES} most powerful ones light others",
             emissive.len()
         );
         emissive.sort_by(|a, b| b.2.total_cmp(&a.2).then(a.0.entity.cmp(&b.0.entity)));
-        emissive.truncate(MOST_SURFACES);
+        emissive.truncate(MAX_SURFACES);
         emissive.sort_unstable_by_key(|(instance, ..)| instance.entity);
     }
     let total: f64 = emissive.iter().map(|(.., power)| power).sum();

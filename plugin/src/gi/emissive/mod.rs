@@ -5,12 +5,13 @@
 //! | `emission` | none | what a material emits, in nits |
 //! | `surface` | none | an emissive surface as points |
 //! | `emitters` | main | keeps the texels of all emissive surfaces |
-//! | `upload` | render | writes them into the store behind the maps' |
+//! | this file | render | writes them into the store behind the maps' |
 
 mod emission;
 mod emitters;
 mod surface;
-mod upload;
+
+use std::sync::Arc;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::AssetEventSystems;
@@ -18,9 +19,12 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::ecs::prelude::*;
 use bevy::render::Render;
 use bevy::render::extract_resource::ExtractResourcePlugin;
+use bevy::render::render_resource::BufferId;
+use bevy::render::renderer::RenderQueue;
 use bevy::transform::TransformSystems;
 
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
+use super::texels::{TEXEL_BYTES, Texel, TexelRange, TexelStore};
 pub use emitters::GiEmitters;
 
 pub(super) struct EmissivePlugin;
@@ -47,10 +51,47 @@ impl Plugin for EmissivePlugin {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app.add_systems(
             Render,
-            (
-                upload::reserve.in_set(PrepareSystems::Reserve),
-                upload::upload.in_set(PrepareSystems::Emissive),
-            ),
+            (reserve.in_set(PrepareSystems::Reserve), upload.in_set(PrepareSystems::Emissive)),
         );
     }
+}
+
+/// The last upload: the buffer, the index of the first texel, and the texels.
+type Uploaded = (BufferId, u32, Vec<Arc<Vec<Texel>>>);
+
+fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) {
+    store.reserve(TexelRange::Emissive, emitters.texel_count());
+}
+
+/// Uploads the texels of emissive surfaces into the store when they changed or the store did.
+fn upload(
+    mut uploaded: Local<Option<Uploaded>>,
+    mut store: ResMut<TexelStore>,
+    emitters: Res<GiEmitters>,
+    queue: Res<RenderQueue>,
+) {
+    let Some(buffer) = store.texels.clone().filter(|_| emitters.texel_count() > 0) else {
+        *uploaded = None;
+        return;
+    };
+    let first = store.first(TexelRange::Emissive);
+    let is_same = |(id, old_first, sets): &Uploaded| {
+        *id == buffer.id()
+            && *old_first == first
+            && sets.len() == emitters.texels().count()
+            && sets.iter().zip(emitters.texels()).all(|(old, new)| Arc::ptr_eq(old, new))
+    };
+    if uploaded.as_ref().is_some_and(is_same) {
+        return;
+    }
+    let mut offset = u64::from(first) * TEXEL_BYTES;
+    for texels in emitters.texels() {
+        let bytes: &[u8] = bytemuck::cast_slice(texels);
+        if !bytes.is_empty() {
+            queue.write_buffer(&buffer, offset, bytes);
+            store.uploaded += bytes.len() as u64;
+        }
+        offset += bytes.len() as u64;
+    }
+    *uploaded = Some((buffer.id(), first, emitters.texels().map(Arc::clone).collect()));
 }

@@ -10,8 +10,8 @@ use crate::gi::surfaces::{Sides, SurfacePoint, SurfacePoints, area_matrix};
 use crate::gi::texels::Texel;
 
 /// Largest flux of a texel, lumens, with which sums over all texels stay finite. The same bound
-/// holds for VPLs in `vpl/sample.wgsl`.
-const MOST_FLUX: f64 = 1e25;
+/// holds for VPLs in `vpl/vpl.wgsl`.
+const MAX_FLUX: f64 = 1e25;
 
 /// An emissive surface as points with their emissive colour: linear RGB.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +69,7 @@ impl EmissiveSurface {
             let radiance = emission * point.sample.as_dvec3();
             // The piece's area: `step` is area × luminance.
             let area = step / luminance(radiance);
-            let flux = (radiance * (area * std::f64::consts::PI)).min(DVec3::splat(MOST_FLUX));
+            let flux = (radiance * (area * std::f64::consts::PI)).min(DVec3::splat(MAX_FLUX));
             let (position, normal) = (
                 affine.transform_point3(point.position),
                 (spread * point.normal).normalize_or_zero(),

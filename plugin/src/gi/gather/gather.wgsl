@@ -1,14 +1,13 @@
 // Sums the irradiance from a camera's virtual point lights: one thread per low-resolution pixel and
 // its set of VPLs, one dispatch per set.
 //
-// The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage
-// buffer and twice as fast as a copy in workgroup memory. A dynamic offset chooses the set.
+// The VPLs of a set lie in a uniform array, which is fast where all threads read the same element. A
+// dynamic offset chooses the set.
 //
 // With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
 // rays: one VPL is sampled per stratum by luminance, and one ray accepts or rejects the stratum's
-// sum. The hue is the stratum's, not the sampled VPL's. The VPL's hue would be unbiased in each
-// channel, but speckles every wall in the colours of its lights. So there is no noise where nothing
-// is occluded, and where only one colour of light is occluded, some of it stays in the hue.
+// sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but speckle
+// every wall in the colours of its lights.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -25,18 +24,18 @@
 #endif
 
 /// Most VPLs, and most samples of the sky, that a low-resolution pixel evaluates.
-const MOST_VPLS: u32 = 1024u;
-const MOST_SKY_SAMPLES: u32 = 32u;
+const MAX_VPLS: u32 = 1024u;
+const MAX_SKY_SAMPLES: u32 = 32u;
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<uniform> vpls: array<Vpl, MOST_VPLS>;
+@group(0) @binding(3) var<uniform> vpls: array<Vpl, MAX_VPLS>;
 @group(0) @binding(4) var<uniform> gather: Gather;
 @group(0) @binding(5) var<storage, read> plan: Plan;
 @group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
 #ifdef SKY_RAYS
-@group(0) @binding(7) var<uniform> sky_samples: array<SkyLight, MOST_SKY_SAMPLES>;
+@group(0) @binding(7) var<uniform> sky_samples: array<SkyLight, MAX_SKY_SAMPLES>;
 @group(0) @binding(8) var<storage, read> sky_plan: SkyPlan;
 #endif
 

@@ -23,6 +23,7 @@ use super::sky::{SET_BYTES, SkyCamera};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{VPL_BYTES, VplView};
+use view::first_of;
 pub(super) use view::{
     GatherSettings, GatherView, irradiance_texture, low_resolution_texture, texture_bytes,
     texture_size,
@@ -50,10 +51,6 @@ impl Plugin for GatherPlugin {
             )
             .add_systems(Core3d, gather.in_set(PassSystems::Gather));
     }
-}
-
-fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
-    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
 }
 
 /// What a gather takes into account.

@@ -15,6 +15,11 @@ use crate::gi::vpl::{VplPlan, VplView};
 /// Label of irradiance textures.
 const IRRADIANCE: &str = "frugal_gi/gather/irradiance";
 
+/// The first bytes of a buffer, to which a dynamic offset may be added.
+pub(super) fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
+}
+
 /// The irradiance of a GI camera. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct GatherView {
@@ -41,7 +46,7 @@ impl GatherView {
 
     /// The settings of the first set, to which a dynamic offset may be added.
     pub(crate) fn first_settings(&self) -> BindingResource<'_> {
-        super::first_of(&self.settings, size_of::<GatherSettings>() as u64)
+        first_of(&self.settings, size_of::<GatherSettings>() as u64)
     }
 
     /// Makes the irradiance [`previous`](Self::previous), and the other texture the one to gather

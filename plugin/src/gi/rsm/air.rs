@@ -11,7 +11,7 @@ use bevy::math::{Vec2, Vec3};
 use bevy::pbr::AtmosphereSettings;
 use bevy::transform::components::GlobalTransform;
 
-use super::RsmView;
+use super::map::RsmView;
 
 /// Steps along a ray, as many as Bevy's by default.
 const STEPS: u32 = 40;

@@ -15,7 +15,7 @@ use bevy::transform::components::GlobalTransform;
 
 use super::extent::BoundingSphere;
 use crate::cut::CUT_DISTANCE;
-use crate::gi::surfaces::MeshDelta;
+use crate::gi::surfaces::MeshChanges;
 
 /// What changed since the last frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,7 +49,7 @@ struct Known {
 /// Whether anything in the scene changed since the last frame, and where.
 #[derive(SystemParam)]
 pub(super) struct SceneReader<'w, 's> {
-    delta: Res<'w, MeshDelta>,
+    mesh_changes: Res<'w, MeshChanges>,
     meshes: Query<'w, 's, (Option<&'static Aabb>, &'static GlobalTransform), With<Mesh3d>>,
     skins: Query<'w, 's, &'static SkinnedMesh>,
     moved: Query<'w, 's, (), Changed<GlobalTransform>>,
@@ -62,19 +62,19 @@ impl SceneReader<'_, '_> {
     pub(super) fn read(&mut self) -> SceneChanges {
         let mut changes = SceneChanges { arrived: self.assets.read(), ..Default::default() };
         // Joints move vertices out of the mesh's box.
-        changes.everywhere = self.delta.unknown
+        changes.everywhere = self.mesh_changes.unknown
             || self
                 .skins
                 .iter()
                 .flat_map(|skin| &skin.joints)
                 .any(|joint| self.moved.contains(*joint));
-        for mesh in &self.delta.gone {
+        for mesh in &self.mesh_changes.gone {
             match self.known.remove(mesh).and_then(|was| was.around) {
                 Some(was) => changes.spheres.push(was),
                 None => changes.everywhere = true,
             }
         }
-        for mesh in &self.delta.touched {
+        for mesh in &self.mesh_changes.touched {
             // Gone.
             let Ok((aabb, transform)) = self.meshes.get(*mesh) else { continue };
             let around = aabb.map(|aabb| BoundingSphere::mesh(aabb, transform));

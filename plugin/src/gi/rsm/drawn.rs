@@ -20,11 +20,11 @@ use bevy::math::primitives::{HalfSpace, ViewFrustum};
 use bevy::math::{Vec3A, Vec4};
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
-use fixedbitset::FixedBitSet;
 
-use super::RsmView;
-use crate::gi::surfaces::MeshDelta;
+use super::map::RsmView;
+use crate::gi::surfaces::MeshChanges;
 use crate::gi::view::GiFrame;
+use fixedbitset::FixedBitSet;
 
 /// Padding of a map's frustum, as a share of its diagonal. Higher values list anew less often while
 /// a map moves; lower values draw fewer meshes that it does not show.
@@ -75,8 +75,8 @@ pub(super) struct Candidate {
 type Casts = (With<Mesh3d>, Without<NotShadowCaster>, Without<NoCpuCulling>);
 
 /// Whether a list may have to change, or is drawn.
-pub(super) fn is_needed(delta: Res<MeshDelta>, frame: Res<GiFrame>) -> bool {
-    frame.maps || !delta.is_empty()
+pub(super) fn is_needed(changes: Res<MeshChanges>, frame: Res<GiFrame>) -> bool {
+    frame.maps || !changes.is_empty()
 }
 
 /// Keeps the lists of maps, and makes what is drawn in this frame visible, so that Bevy extracts it.
@@ -85,13 +85,13 @@ pub(super) fn list(
     meshes: Query<Candidate, Casts>,
     mut visibilities: Query<(Entity, &mut ViewVisibility), With<Mesh3d>>,
     ranges: Option<Res<VisibleEntityRanges>>,
-    delta: Res<MeshDelta>,
+    changes: Res<MeshChanges>,
 ) {
-    let changed = delta.changed();
+    let changed = changes.changed();
     // Entities that live at the same time differ in their index.
     let mut drawn = FixedBitSet::new();
     for mut map in &mut maps {
-        if delta.unknown || map.layers.is_changed() {
+        if changes.unknown || map.layers.is_changed() {
             map.meshes.padded = None;
         }
         let corners = || corners(map.projection, map.place);

@@ -18,7 +18,7 @@ use proptest::prelude::*;
 
 use super::{MapMeshes, PADDING, is_needed, list};
 use crate::gi::rsm::RsmView;
-use crate::gi::surfaces::{MeshDelta, note_changes};
+use crate::gi::surfaces::{MeshChanges, note_changes};
 use crate::gi::view::GiFrame;
 
 /// A change of one of the meshes.
@@ -138,7 +138,7 @@ proptest! {
         frames in prop::collection::vec(frame(), 1..24),
     ) {
         let mut app = App::new();
-        app.init_resource::<MeshDelta>().init_resource::<GiFrame>();
+        app.init_resource::<MeshChanges>().init_resource::<GiFrame>();
         let set_active = |is_active: fn(&GiFrame) -> bool| {
             move |frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>| {
                 maps.iter_mut().for_each(|mut camera| camera.is_active = is_active(&frame));

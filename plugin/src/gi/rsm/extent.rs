@@ -33,7 +33,7 @@ pub(super) enum MapExtent {
     Everything,
     /// Of a light with a position: as far as it reaches.
     Near(BoundingSphere),
-    /// Of parallel light: from the camera's space, with half its width, and its height.
+    /// Oriented box of a directional light: transform and half extents.
     Inside { map_from_world: Affine3A, half: Vec3A },
 }
 

@@ -1,15 +1,32 @@
-//! A reflective shadow map's data.
+//! A reflective shadow map: its camera, its data, and both of one that should exist.
 
+use bevy::camera::Projection;
 use bevy::camera::visibility::RenderLayers;
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryItem;
+use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::sync_component::SyncComponent;
+use bevy::transform::components::Transform;
 
-use super::RsmView;
 use super::lights::RsmLight;
 use crate::gi::settings::GiShading;
 use crate::gi::texels::CascadeCut;
+
+/// Marks a hidden camera that renders a light's reflective shadow map. Filter camera queries by
+/// `Without<RsmView>` where they mean visible cameras.
+#[derive(Component, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[reflect(Component, Clone, PartialEq, Hash)]
+#[non_exhaustive]
+pub struct RsmView {
+    /// The light.
+    pub light: Entity,
+    /// The GI camera whose surroundings it covers; `None` where the map serves all cameras.
+    pub camera: Option<Entity>,
+    /// Cube face of a point light, 0 to 5. Cascade of a directional light: 0 is the far one and 1
+    /// the near one.
+    pub face: u8,
+}
 
 /// A light's reflective shadow map. In both worlds, beside [`RsmView`]; the renderer has its
 /// [`RsmLight`] as a component, too.
@@ -57,5 +74,25 @@ impl ExtractComponent for LightMap {
 
     fn extract_component((view, map): QueryItem<Self::QueryData>) -> Option<Self::Out> {
         Some((*view, map.clone(), map.light))
+    }
+}
+
+/// Maps render before every camera that an app orders; each has its own order.
+const FIRST_ORDER: isize = isize::MIN / 2;
+
+/// A map that should exist in this frame. Until [`MapSlots`](super::slots::MapSlots) lays it out, it
+/// has no place in the store.
+pub(super) struct MapSpec {
+    pub view: RsmView,
+    pub transform: Transform,
+    pub projection: Projection,
+    pub map: LightMap,
+}
+
+impl MapSpec {
+    /// Unique, as offsets in the store are: cameras of equal order and target are ambiguous to
+    /// Bevy.
+    pub(super) fn order(&self) -> isize {
+        FIRST_ORDER + self.map.light.texel_offset as isize
     }
 }

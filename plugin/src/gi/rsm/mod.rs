@@ -44,29 +44,14 @@ use bevy::asset::embedded_asset;
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::reflect::Reflect;
 use bevy::render::extract_component::{ExtractComponentPlugin, UniformComponentPlugin};
 use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 
 use super::schedule::{GiSystems, PrepareSystems, SceneSystems, supported_render_app};
 pub(super) use lights::RsmLight;
 pub(super) use map::LightMap;
+pub use map::RsmView;
 pub(super) use resolve::resolve;
-
-/// Marks a hidden camera that renders a light's reflective shadow map. Filter camera queries by
-/// `Without<RsmView>` where they mean visible cameras.
-#[derive(Component, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[reflect(Component, Clone, PartialEq, Hash)]
-#[non_exhaustive]
-pub struct RsmView {
-    /// The light.
-    pub light: Entity,
-    /// The GI camera whose surroundings it covers; `None` where the map serves all cameras.
-    pub camera: Option<Entity>,
-    /// Cube face of a point light, 0 to 5. Cascade of a directional light: 0 is the far one and 1
-    /// the near one.
-    pub face: u8,
-}
 
 pub(super) struct RsmPlugin;
 

@@ -13,17 +13,16 @@ use bevy::mesh::Mesh3d;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
-use super::RsmView;
 use super::changes::{SceneReader, shift};
 use super::extent::{BoundingSphere, MapExtent};
-use super::map::{LightMap, MapAge};
+use super::map::{LightMap, MapAge, RsmView};
 use super::queue::{Gate, MapRequest, due};
 use super::views::MapsReweighted;
 use crate::cut::Jumps;
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::trace::GiOccluders;
-use crate::gi::view::{CameraCut, GiFrame, GiRefresh, SceneDelta};
-use crate::pipelines::PipelinesBusy;
+use crate::gi::view::{CameraCut, GiFrame, GiRefresh, MapChanges};
+use crate::schedule::PipelinesBusy;
 
 /// A map and its camera.
 #[derive(QueryData)]
@@ -81,7 +80,7 @@ pub(super) fn decide(
             "a mesh has no StandardMaterial: global illumination is refreshed in every frame, since its material may change by itself"
         );
     }
-    let mut delta = SceneDelta {
+    let mut map_changes = MapChanges {
         changed: changes.any() || reweighted.0,
         arrived: changes.arrived,
         // The renderer reports pipelines one or two frames late: meshes that it left out are then
@@ -93,21 +92,21 @@ pub(super) fn decide(
         cut: has_cut || !jumps.shifts.is_empty(),
     };
     for DueMapReadOnlyItem { map: LightMap { age, .. }, .. } in &maps {
-        delta.changed |= age.stale > 0;
-        delta.unfilled |= !age.filled || age.urgent;
+        map_changes.changed |= age.stale > 0;
+        map_changes.unfilled |= !age.filled || age.urgent;
     }
     let periods = cameras
         .iter()
         .filter(|(_, camera, gi, ..)| are_active(camera, gi))
         .map(|(_, _, gi, ..)| gi.refresh_period.max(1));
-    let mut next = frame.next(delta, periods.min().unwrap_or(1));
+    let mut next = frame.next(map_changes, periods.min().unwrap_or(1));
     let everywhere = changes.everywhere || always || next.arriving > 0;
-    if delta.changed || delta.unfilled || everywhere {
+    if map_changes.changed || map_changes.unfilled || everywhere {
         let mut maps: Vec<_> = maps.iter_mut().collect();
         maps.sort_by_key(|map| map.view.key());
         mark(&mut maps, &changes.spheres, everywhere);
         let gate = match next.maps {
-            true if delta.cut => Gate::All,
+            true if map_changes.cut => Gate::All,
             true => Gate::Most(limits.max_rsms_per_frame),
             false => Gate::Urgent,
         };

@@ -15,9 +15,8 @@ use bevy::render::view::{
 };
 use bevy::shader::ShaderDefVal;
 
-use super::RsmView;
 use super::lights::RsmLight;
-use super::map::LightMap;
+use super::map::{LightMap, RsmView};
 use crate::gi::compute::{Kernel, compute_pass, definitions, write};
 use crate::gi::settings::GiShading;
 use crate::gi::texels::{TexelRange, TexelStore};

@@ -9,7 +9,7 @@ use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 
 use super::extent::world_box;
-use crate::gi::surfaces::MeshDelta;
+use crate::gi::surfaces::MeshChanges;
 
 /// Bounding box of all meshes that cast shadows.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
@@ -89,8 +89,8 @@ fn union(a: Corners, b: Corners) -> Corners {
 }
 
 /// Whether any mesh changed or went in this frame.
-pub(super) fn is_touched(delta: Res<MeshDelta>) -> bool {
-    !delta.touched.is_empty() || !delta.gone.is_empty()
+pub(super) fn is_touched(changes: Res<MeshChanges>) -> bool {
+    !changes.touched.is_empty() || !changes.gone.is_empty()
 }
 
 /// Fits the box to meshes that came, moved or went in this frame. A sky dome that casts no shadow
@@ -99,9 +99,9 @@ pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,
     mut boxes: Local<BoxTree>,
     meshes: Query<(&Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
-    delta: Res<MeshDelta>,
+    changes: Res<MeshChanges>,
 ) {
-    for mesh in delta.touched.iter().chain(&delta.gone) {
+    for mesh in changes.touched.iter().chain(&changes.gone) {
         let place = meshes.get(*mesh).ok().and_then(|(aabb, transform)| {
             let (center, half) = world_box(aabb, transform);
             let (low, high) = (center - half, center + half);
@@ -192,7 +192,7 @@ mod tests {
         ) {
             let mut app = App::new();
             app.init_resource::<SceneBox>().init_resource::<Assets<Mesh>>();
-            app.init_resource::<MeshDelta>();
+            app.init_resource::<MeshChanges>();
             app.add_systems(Update, (note_changes, update_scene_box.run_if(is_touched)).chain());
             let mut meshes = [None; 8];
             for changes in frames {

@@ -11,7 +11,7 @@ const HYSTERESIS: f32 = 1.25;
 /// values: exchanges show less, and maps of both lights are kept for longer.
 const FADE_SECONDS: f32 = 0.5;
 /// Most maps of lights that fade out, besides those of the chosen ones.
-const MOST_LEAVING: usize = 24;
+const MAX_LEAVING: usize = 24;
 
 /// A light in the competition for maps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +83,7 @@ impl LightSelection {
                 leaving.push((candidate, share));
             }
         }
-        let mut left = if most > 0 { MOST_LEAVING } else { 0 };
+        let mut left = if most > 0 { MAX_LEAVING } else { 0 };
         for (candidate, share) in leaving {
             if candidate.maps <= left && take(candidate) {
                 left -= candidate.maps;

@@ -8,8 +8,7 @@ use bevy::log::warn_once;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::WgpuLimits;
 
-use super::RsmView;
-use super::specs::MapSpec;
+use super::map::{MapSpec, RsmView};
 use crate::gi::compute::{largest_storage_buffer, limits_of};
 use crate::gi::texels::TEXEL_BYTES;
 

@@ -8,36 +8,15 @@ use bevy::ecs::prelude::*;
 use bevy::math::{Mat3, Quat, Vec3};
 use bevy::transform::components::Transform;
 
-use super::RsmView;
 use super::air::Air;
 use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
-use super::map::{LightMap, MapAge};
+use super::map::{LightMap, MapAge, MapSpec, RsmView};
 use super::region::{LightRegion, cover, near};
 use super::selection::{Candidate, LightSelection};
 use super::slots::MapCapacity;
 use crate::gi::settings::GiShading;
 use crate::gi::texels::CascadeCut;
-
-/// Maps render before every camera that an app orders; each has its own order.
-const FIRST_ORDER: isize = isize::MIN / 2;
-
-/// A map that should exist in this frame. Until [`MapSlots`](super::slots::MapSlots) lays it out, it
-/// has no place in the store.
-pub(super) struct MapSpec {
-    pub view: RsmView,
-    pub transform: Transform,
-    pub projection: Projection,
-    pub map: LightMap,
-}
-
-impl MapSpec {
-    /// Unique, as offsets in the store are: cameras of equal order and target are ambiguous to
-    /// Bevy.
-    pub(super) fn order(&self) -> isize {
-        FIRST_ORDER + self.map.light.texel_offset as isize
-    }
-}
 
 /// A GI camera of this frame, which maps serve.
 pub(super) struct Viewer<'a> {

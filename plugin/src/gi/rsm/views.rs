@@ -21,16 +21,15 @@ use bevy::render::view::Msaa;
 use bevy::time::{Real, Time};
 use bevy::transform::components::{GlobalTransform, Transform};
 
-use super::RsmView;
 use super::air::Atmospheres;
 use super::drawn::MapMeshes;
 use super::focus::Focus;
 use super::lights::{BouncingLight, Placed};
-use super::map::{LightMap, MapAge};
+use super::map::{LightMap, MapAge, MapSpec, RsmView};
 use super::scene_box::SceneBox;
 use super::selection::LightSelection;
 use super::slots::{MapCapacity, MapSlots};
-use super::specs::{MapSpec, Viewer, choose};
+use super::specs::{Viewer, choose};
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::view::{CameraCut, LightPresence};
 

@@ -27,7 +27,7 @@ struct SkySource {
 /// Steps along each side of a stratum.
 const STEPS: u32 = 16u;
 /// Nits. Clamps the map, so that sums over it stay finite.
-const MOST_RADIANCE: f32 = 1e20;
+const MAX_RADIANCE: f32 = 1e20;
 
 fn rotated(rotation: vec4<f32>, direction: vec3<f32>) -> vec3<f32> {
     let t = 2.0 * cross(rotation.xyz, direction);
@@ -65,7 +65,7 @@ fn fill_sky(@builtin(global_invocation_id) id: vec3<u32>) {
             let ray = rotated(source.rotation, direction) * vec3(1.0, 1.0, -1.0);
             let found = environment_texel(ray, level) * source.intensity;
             // Negative values and NaN compare false.
-            let radiance = select(vec3(0.0), min(found, vec3(MOST_RADIANCE)), found >= vec3(0.0));
+            let radiance = select(vec3(0.0), min(found, vec3(MAX_RADIANCE)), found >= vec3(0.0));
             light += radiance;
             // Clamped, so that the square of the sum is finite.
             toward += direction * min(luminance(radiance), 1e15);

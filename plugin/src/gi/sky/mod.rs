@@ -14,7 +14,6 @@
 
 mod ambient;
 mod camera;
-mod kernels;
 mod pass;
 
 use bevy::app::{App, Plugin};
@@ -44,7 +43,7 @@ impl Plugin for SkyPlugin {
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<kernels::SkyKernels>()
+            .init_gpu_resource::<camera::SkyKernels>()
             .init_gpu_resource::<ambient::BlackCubes>()
             .add_systems(
                 Render,

@@ -11,8 +11,7 @@ use bevy::render::texture::GpuImage;
 use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 use bevy::utils::default;
 
-use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera};
-use super::kernels::SkyKernels;
+use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera, SkyKernels};
 use crate::gi::compute::{CameraInputs, compute_pass};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};

@@ -12,11 +12,11 @@ use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::HashSet;
 
-use super::scan::{Columns, MeshChange, scan};
+use super::scan::{ChangeKind, Columns, scan};
 
 /// What changed of meshes since the last frame.
 #[derive(Resource, Default)]
-pub(in crate::gi) struct MeshDelta {
+pub(in crate::gi) struct MeshChanges {
     /// Anything may have changed.
     pub unknown: bool,
     /// Meshes that came, went or changed in anything but their place or the mesh asset itself.
@@ -26,11 +26,11 @@ pub(in crate::gi) struct MeshDelta {
     /// Meshes of which anything changed that can be seen, and those that lost a component. Changed
     /// assets are not among it.
     pub touched: Vec<Entity>,
-    /// Entities that are no mesh any more; among `altered`, too.
+    /// Entities that lost `Mesh3d`; also in `altered`.
     pub gone: Vec<Entity>,
 }
 
-impl MeshDelta {
+impl MeshChanges {
     /// Whether nothing changed.
     pub(crate) fn is_empty(&self) -> bool {
         !self.is_altered() && self.touched.is_empty()
@@ -51,7 +51,7 @@ impl MeshDelta {
 }
 
 #[derive(SystemParam)]
-pub(in crate::gi) struct MeshChanges<'w, 's> {
+pub(in crate::gi) struct MeshReader<'w, 's> {
     columns: Query<'w, 's, Columns, With<Mesh3d>>,
     // Their level of detail depends on where cameras are.
     ranged: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>)>,
@@ -69,10 +69,10 @@ pub(in crate::gi) struct MeshChanges<'w, 's> {
     weights: Query<'w, 's, (), Changed<MorphWeights>>,
 }
 
-impl MeshChanges<'_, '_> {
+impl MeshReader<'_, '_> {
     /// Reads everything, so that no change counts twice.
-    fn read(&mut self, delta: &mut MeshDelta) {
-        let MeshDelta { unknown, altered, moved, touched, gone } = delta;
+    fn read(&mut self, changes: &mut MeshChanges) {
+        let MeshChanges { unknown, altered, moved, touched, gone } = changes;
         for list in [&mut *altered, touched, gone] {
             list.clear();
         }
@@ -80,10 +80,10 @@ impl MeshChanges<'_, '_> {
         *unknown = self.bind_poses.as_mut().map_or(0, |events| events.read().count()) > 0;
         let is_scanned = scan(&self.columns, |mesh| {
             touched.push(mesh.entity);
-            if mesh.changes.contains(MeshChange::Kind) {
+            if mesh.has(ChangeKind::Kind) {
                 altered.push(mesh.entity);
             }
-            if mesh.changes.contains(MeshChange::Place)
+            if mesh.has(ChangeKind::Place)
                 && !mesh.is_skinned
                 && let Some(transform) = mesh.transform
             {
@@ -127,6 +127,6 @@ fn changed(event: &AssetEvent<StandardMaterial>) -> Option<AssetId<StandardMater
 }
 
 /// Notes what changed. In a frame in which it does not run, changes are kept for the next one.
-pub(in crate::gi) fn note(mut delta: ResMut<MeshDelta>, mut changes: MeshChanges) {
-    changes.read(&mut delta);
+pub(in crate::gi) fn note(mut changes: ResMut<MeshChanges>, mut reader: MeshReader) {
+    reader.read(&mut changes);
 }

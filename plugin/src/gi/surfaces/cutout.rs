@@ -9,9 +9,9 @@ use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
 use super::copies::Textures;
+use super::mesh::vertex_colors;
 use super::points::interpolated;
 use super::texture::{MeshTexture, TextureUse};
-use super::vertex_colors::vertex_colors;
 
 /// A material's alpha mask. A mesh has the same holes under equal masks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -2,19 +2,16 @@
 //!
 //! For surfaces outside every rendered view that occlude light, emit it or reflect it again.
 
-mod assets;
 mod cache;
 mod changes;
 mod copies;
 mod cutout;
+mod mesh;
 mod points;
 mod reflectance;
 mod scan;
 mod set;
-mod sides;
 mod texture;
-mod triangles;
-mod vertex_colors;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::AssetEventSystems;
@@ -23,25 +20,26 @@ use bevy::ecs::prelude::*;
 use bevy::transform::TransformSystems;
 
 use super::schedule::SceneSystems;
-pub(super) use assets::SurfaceAssets;
 pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
-pub(super) use changes::MeshDelta;
+pub(super) use changes::MeshChanges;
 #[cfg(test)]
 pub(super) use changes::note as note_changes;
 pub use copies::GiTextureCopies;
+pub(super) use copies::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
-pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
+pub(super) use mesh::{Sides, Triangles, triangles};
+pub(super) use points::{
+    MAX_COORDINATE, SurfacePoint, SurfacePoints, TrianglePoint, area_matrix, is_in_range,
+};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 pub(super) use set::{SurfaceInstance, SurfaceMesh, SurfaceSet};
-pub(super) use sides::Sides;
 pub(super) use texture::{MeshTexture, TextureUse};
-pub(super) use triangles::{Triangles, triangles};
 
 pub(super) struct SurfacesPlugin;
 
 impl Plugin for SurfacesPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<MeshDelta>().add_systems(
+        app.init_resource::<MeshChanges>().add_systems(
             PostUpdate,
             // Need this frame's asset events, final transforms, boxes and visibility.
             changes::note
@@ -51,10 +49,11 @@ impl Plugin for SurfacesPlugin {
                 .after(VisibilitySystems::VisibilityPropagate)
                 .after(VisibilitySystems::CalculateBounds),
         );
+        copies::pass::embed(app);
         copies::build(app);
     }
 
     fn finish(&self, app: &mut App) {
-        copies::finish(app);
+        copies::pass::finish(app);
     }
 }

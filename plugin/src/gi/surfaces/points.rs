@@ -5,8 +5,9 @@
 
 use bevy::math::{Affine3A, DVec3, Mat3A, Vec3, VectorSpace};
 
-/// Triangles beyond this, metres, are left out: their areas would leave the range of a float.
-const GREATEST_COORDINATE: f32 = 1e15;
+/// Triangles beyond this, metres, are left out: their areas, and tests of their boxes, would leave
+/// the range of a float.
+pub(in crate::gi) const MAX_COORDINATE: f32 = 1e15;
 
 /// A point on a triangle of a mesh.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +57,7 @@ impl<S> SurfacePoints<S> {
             .iter()
             .map(|triangle| {
                 let own = area_vector(triangle).length();
-                total += if is_usable(triangle) && own.is_finite() { own } else { 0.0 };
+                total += if is_in_range(triangle) && own.is_finite() { own } else { 0.0 };
                 total
             })
             .collect();
@@ -103,10 +104,9 @@ fn area_vector([a, b, c]: &[Vec3; 3]) -> DVec3 {
     0.5 * (*b - *a).as_dvec3().cross((*c - *a).as_dvec3())
 }
 
-fn is_usable(triangle: &[Vec3; 3]) -> bool {
-    triangle
-        .iter()
-        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE)
+/// Whether all corners are finite and within [`MAX_COORDINATE`].
+pub(in crate::gi) fn is_in_range(triangle: &[Vec3; 3]) -> bool {
+    triangle.iter().all(|corner| corner.is_finite() && corner.abs().max_element() < MAX_COORDINATE)
 }
 
 /// The cofactor matrix, which transforms normal × area from the mesh to the world. A mirrored mesh

@@ -9,12 +9,11 @@ use bevy::math::Vec3;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
-use super::assets::SurfaceAssets;
+use super::copies::SurfaceAssets;
 use super::cutout::{Cutout, Mask};
+use super::mesh::{Sides, vertex_colors};
 use super::points::interpolated;
-use super::sides::Sides;
 use super::texture::{MeshTexture, TextureUse};
-use super::vertex_colors::vertex_colors;
 
 /// Whether a material lets no light through except in its mask's holes.
 pub(in crate::gi) fn occludes(material: &StandardMaterial) -> bool {

@@ -1,8 +1,8 @@
 //! Which meshes changed, from the ticks of their components.
 //!
-//! A query with `Changed` asks every mesh for every component in turn: ten thousand meshes take
-//! 0.2 ms, and nearly always for nothing. Here the ticks of a component are read as the table holds
-//! them, one after another, many at once. One scan serves all that follows changes of meshes.
+//! A query with `Changed` asks every mesh for every component in turn, nearly always for nothing.
+//! Here the ticks of a component are read as the table holds them, many at once. One scan serves all
+//! that follows changes of meshes.
 
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{InheritedVisibility, NoFrustumCulling, RenderLayers};
@@ -30,10 +30,10 @@ pub(super) type Columns = (
     Option<Ref<'static, NoFrustumCulling>>,
 );
 
-/// Something that changed of a mesh.
+/// A way in which a mesh changes: one bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub(super) enum MeshChange {
+pub(super) enum ChangeKind {
     /// Its transform.
     Place = 1,
     /// Its mesh, material, visibility, render layers, skin, or whether it casts shadows.
@@ -42,23 +42,20 @@ pub(super) enum MeshChange {
     Shape = 4,
 }
 
-/// What changed of a mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct MeshChangeSet(u8);
-
-impl MeshChangeSet {
-    /// Whether `change` is among it.
-    pub(super) fn contains(self, change: MeshChange) -> bool {
-        self.0 & change as u8 != 0
-    }
-}
-
 /// A mesh that changed.
 pub(super) struct ChangedMesh<'a> {
     pub entity: Entity,
-    pub changes: MeshChangeSet,
+    /// Bits of [`ChangeKind`].
+    changes: u8,
     pub transform: Option<&'a GlobalTransform>,
     pub is_skinned: bool,
+}
+
+impl ChangedMesh<'_> {
+    /// Whether it changed in this way.
+    pub(super) fn has(&self, change: ChangeKind) -> bool {
+        self.changes & change as u8 != 0
+    }
 }
 
 /// Meshes whose ticks are looked at together before single ones are.
@@ -67,7 +64,7 @@ const BLOCK: usize = 256;
 /// When each mesh of a table last changed in one component.
 struct Ticks<'a> {
     changed: &'a [Tick],
-    change: MeshChange,
+    change: ChangeKind,
 }
 
 /// Calls `found` with every mesh that changed since the last run of the system. Returns whether the
@@ -93,16 +90,16 @@ pub(super) fn scan<'w>(
     {
         let (last_run, this_run) = (mesh.last_run_tick(), mesh.this_run_tick());
         let columns: [Option<Ticks>; 10] = [
-            Some(Ticks { changed: mesh.changed_ticks_slice(), change: MeshChange::Kind }),
-            ticks(&transform, MeshChange::Place),
-            ticks(&material, MeshChange::Kind),
-            ticks(&visible, MeshChange::Kind),
-            ticks(&layers, MeshChange::Kind),
-            ticks(&shadowless, MeshChange::Kind),
-            ticks(&skin, MeshChange::Kind),
-            ticks(&aabb, MeshChange::Shape),
-            ticks(&morph, MeshChange::Shape),
-            ticks(&unculled, MeshChange::Shape),
+            Some(Ticks { changed: mesh.changed_ticks_slice(), change: ChangeKind::Kind }),
+            ticks(&transform, ChangeKind::Place),
+            ticks(&material, ChangeKind::Kind),
+            ticks(&visible, ChangeKind::Kind),
+            ticks(&layers, ChangeKind::Kind),
+            ticks(&shadowless, ChangeKind::Kind),
+            ticks(&skin, ChangeKind::Kind),
+            ticks(&aabb, ChangeKind::Shape),
+            ticks(&morph, ChangeKind::Shape),
+            ticks(&unculled, ChangeKind::Shape),
         ];
         let columns: Vec<Ticks> = columns.into_iter().flatten().collect();
         let is_skinned = skin.is_some();
@@ -119,16 +116,16 @@ pub(super) fn scan<'w>(
     true
 }
 
-fn ticks<'w, T>(column: &Option<ContiguousRef<'w, T>>, change: MeshChange) -> Option<Ticks<'w>> {
+fn ticks<'w, T>(column: &Option<ContiguousRef<'w, T>>, change: ChangeKind) -> Option<Ticks<'w>> {
     column.as_ref().map(|column| Ticks { changed: column.changed_ticks_slice(), change })
 }
 
-/// Calls `found` with every row that changed in any column.
+/// Calls `found` with every row that changed in any column, and the bits of what changed.
 fn scan_table(
     columns: &[Ticks],
     rows: usize,
     (last_run, this_run): (Tick, Tick),
-    mut found: impl FnMut(usize, MeshChangeSet),
+    mut found: impl FnMut(usize, u8),
 ) {
     // Without a branch for each tick, so that the compiler looks at many at once.
     let any = |ticks: &[Tick]| {
@@ -145,7 +142,7 @@ fn scan_table(
                 .filter(|column| column.changed[row].is_newer_than(last_run, this_run));
             let changes = newer.fold(0, |all, column| all | column.change as u8);
             if changes != 0 {
-                found(row, MeshChangeSet(changes));
+                found(row, changes);
             }
         }
     }
@@ -164,7 +161,7 @@ mod tests {
 
     fn note(meshes: Query<Columns, With<Mesh3d>>, mut found: ResMut<Found>) {
         found.0.clear();
-        assert!(scan(&meshes, |mesh| found.0.push((mesh.entity, mesh.changes.0))));
+        assert!(scan(&meshes, |mesh| found.0.push((mesh.entity, mesh.changes))));
         found.0.sort_unstable();
     }
 
@@ -190,9 +187,9 @@ mod tests {
             _ => mesh.insert(Mesh3d(Handle::default())),
         };
         match what {
-            0 => MeshChange::Place as u8,
-            1 | 7 | 8 => MeshChange::Shape as u8,
-            _ => MeshChange::Kind as u8,
+            0 => ChangeKind::Place as u8,
+            1 | 7 | 8 => ChangeKind::Shape as u8,
+            _ => ChangeKind::Kind as u8,
         }
     }
 

@@ -10,8 +10,8 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
 use super::cache::{SurfaceCache, SurfaceKey};
-use super::changes::MeshDelta;
-use crate::gi::view::{Showing, Shown};
+use super::changes::MeshChanges;
+use crate::gi::view::{MeshVisibility, VisibilityFilter};
 
 /// A mesh of the scene that may be such a surface.
 #[derive(QueryData)]
@@ -21,7 +21,7 @@ pub(in crate::gi) struct SurfaceMesh {
     material: &'static MeshMaterial3d<StandardMaterial>,
     place: &'static GlobalTransform,
     visible: &'static InheritedVisibility,
-    showing: Showing,
+    showing: MeshVisibility,
 }
 
 /// A surface in the scene.
@@ -68,14 +68,14 @@ where
     pub(crate) fn update<Filter: QueryFilter>(
         &mut self,
         meshes: &Query<SurfaceMesh, Filter>,
-        (shown, delta): (&Shown, &MeshDelta),
+        (shown, changes): (&VisibilityFilter, &MeshChanges),
         kind: impl Fn(AssetId<Mesh>, AssetId<StandardMaterial>) -> Option<(Key, Material)>,
         make: impl FnMut(&Key) -> Option<Value>,
     ) -> bool {
-        let are_kept = !delta.is_altered()
+        let are_kept = !changes.is_altered()
             && !self.cache.changed
             && self.read_for.as_ref() == Some(shown.layers());
-        if are_kept && delta.moved.is_empty() {
+        if are_kept && changes.moved.is_empty() {
             return false;
         }
         let mut is_complete = true;
@@ -95,7 +95,7 @@ where
             now.sort_unstable_by_key(|instance| instance.entity);
             now
         };
-        let moved = if are_kept { self.displaced(delta) } else { None };
+        let moved = if are_kept { self.displaced(changes) } else { None };
         let now = moved.unwrap_or_else(from_scene);
         let used = now.iter().map(|instance| instance.key);
         let is_complete = self.cache.fill(used, make) && is_complete;
@@ -107,9 +107,9 @@ where
 
     /// Instances after meshes moved; `None` where one is nowhere. Moves of other meshes do not
     /// matter.
-    fn displaced(&self, delta: &MeshDelta) -> Option<Vec<SurfaceInstance<Key, Material>>> {
+    fn displaced(&self, changes: &MeshChanges) -> Option<Vec<SurfaceInstance<Key, Material>>> {
         let mut now = self.instances.clone();
-        for (moved, affine) in &delta.moved {
+        for (moved, affine) in &changes.moved {
             if let Ok(index) = now.binary_search_by_key(moved, |instance| instance.entity) {
                 now[index].affine = *affine;
             }

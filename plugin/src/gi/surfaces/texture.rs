@@ -8,7 +8,7 @@ use bevy::image::Image;
 use bevy::math::{Affine2, Vec2};
 use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel, VertexAttributeValues};
 
-use super::copies::Textures;
+use super::copies::{Textures, is_readable};
 use super::points::interpolated;
 
 /// The mapping of a texture onto a mesh.
@@ -93,11 +93,6 @@ impl<'a> MeshTexture<'a> {
             .map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
         texel(&self.image, self.transform.transform_point2(interpolated(coordinates, weights)))
     }
-}
-
-/// Whether the CPU can read an image: it is not kept for the GPU alone, and not compressed.
-pub(super) fn is_readable(image: &Image) -> bool {
-    texel(image, Vec2::ZERO).is_some()
 }
 
 /// Linear colour of the texel at `uv`; `None` where the CPU cannot read it.

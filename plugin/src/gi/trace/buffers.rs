@@ -6,8 +6,7 @@ use bevy::render::render_resource::binding_types::storage_buffer_read_only_sized
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-use super::bvh::{Node, TriangleWords};
-use super::data::Instance;
+use super::bvh::{Instance, Node, TriangleWords};
 use super::mirror::Upload;
 use super::occluders::{GiOccluders, OccluderScene};
 use crate::gi::settings::FrugalGi;

@@ -16,15 +16,15 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
+use crate::gi::surfaces::{MAX_COORDINATE, is_in_range};
+
 /// Low bits of a leaf that store its count of primitives.
 const COUNT_BITS: u32 = 3;
 /// Most primitives of a leaf.
-const MOST_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
+const MAX_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
 /// Triangles whose area, relative to their box's greatest side squared, is smaller than this are
 /// left out: they occlude nothing, and their determinant vanishes.
-const LEAST_AREA: f32 = 1e-12;
-/// Positions beyond this, metres, would overflow the box tests.
-const GREATEST_COORDINATE: f32 = 1e15;
+const MIN_AREA: f32 = 1e-12;
 
 /// `trace/trace.wgsl`'s `Node`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -59,7 +59,7 @@ impl Node {
     /// The primitives of a leaf.
     pub(crate) fn primitives(&self) -> std::ops::Range<usize> {
         let first = (self.leaf >> COUNT_BITS) as usize;
-        first..first + (self.leaf & MOST_IN_LEAF) as usize
+        first..first + (self.leaf & MAX_IN_LEAF) as usize
     }
 }
 
@@ -205,7 +205,7 @@ fn flatten(tree: &Bvh2) -> FlatBvh {
                     continue;
                 }
                 let primitives = &tree.primitive_indices[first..first + node.prim_count as usize];
-                for some in primitives.chunks(MOST_IN_LEAF as usize) {
+                for some in primitives.chunks(MAX_IN_LEAF as usize) {
                     let leaf = (flat.order.len() as u32) << COUNT_BITS | some.len() as u32;
                     flat.nodes.push(Node {
                         leaf,
@@ -259,19 +259,45 @@ impl MeshBvh {
         let (min, max) = (center - half, center + half);
         (min.is_finite()
             && max.is_finite()
-            && max.abs().max(min.abs()).max_element() < GREATEST_COORDINATE)
+            && max.abs().max(min.abs()).max_element() < MAX_COORDINATE)
             .then_some((min, max))
     }
 }
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = *triangle;
-    let valid = triangle
-        .iter()
-        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
     let side = (b - a).abs().max((c - a).abs()).max_element();
     // In units of its own size, so that neither tiny nor huge triangles leave the range of a float.
-    valid && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
+    is_in_range(triangle)
+        && side > 0.0
+        && ((b - a) / side).cross((c - a) / side).length() > MIN_AREA
+}
+
+/// `trace/trace.wgsl`'s `Instance`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Instance {
+    /// Rows of the matrix from the world to the mesh.
+    pub local_from_world: [[f32; 4]; 3],
+    /// The mesh's first node and the one after its last.
+    pub nodes: [u32; 2],
+    pub padding: [u32; 2],
+}
+
+/// An instance of a mesh's tree, and its box; `None` where it is scaled to nothing or out of the
+/// range of floats, and occludes nothing.
+pub(super) fn instance(
+    tree: &MeshBvh,
+    nodes: [u32; 2],
+    affine: &Affine3A,
+) -> Option<(Instance, (Vec3A, Vec3A))> {
+    let inverse = affine.inverse();
+    let bounds = tree.bounds(affine).filter(|_| inverse.is_finite())?;
+    let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis]
+        .map(|axis| axis.to_array());
+    let offset = inverse.translation.to_array();
+    let local_from_world = std::array::from_fn(|row| [x[row], y[row], z[row], offset[row]]);
+    Some((Instance { local_from_world, nodes, padding: [0; 2] }, bounds))
 }
 
 #[cfg(test)]

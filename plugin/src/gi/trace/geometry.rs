@@ -10,10 +10,9 @@ use bevy::platform::collections::HashMap;
 
 use super::arena::Arena;
 use super::bvh::{MeshBvh, Node, TriangleWords};
-use super::data::warn_of_full_buffer;
 use super::micromap::SOLID;
-use super::mirror::Mirrored;
-use super::trees::{Pieces, Tree, TreeKey, Trees};
+use super::mirror::{Mirrored, warn_of_full_buffer};
+use super::trees::{JointBvhs, Tree, TreeKey, Trees};
 
 /// Where a piece of a mesh lies.
 #[derive(Debug)]
@@ -28,7 +27,7 @@ struct PlacedPiece {
 #[derive(Debug)]
 struct PlacedTree {
     /// To tell whether it was built anew.
-    tree: Arc<Pieces>,
+    tree: Arc<JointBvhs>,
     /// By joint; without those for which there was no room.
     pieces: Vec<PlacedPiece>,
 }
@@ -82,7 +81,7 @@ impl Geometry {
         for key in &changed {
             self.take_out(key);
         }
-        let mut new: Vec<(TreeKey, Arc<Pieces>)> = trees
+        let mut new: Vec<(TreeKey, Arc<JointBvhs>)> = trees
             .values
             .iter()
             .filter_map(|(key, tree)| match tree {
@@ -115,7 +114,7 @@ impl Geometry {
         }
     }
 
-    fn put_in(&mut self, key: TreeKey, tree: Arc<Pieces>, most: usize) {
+    fn put_in(&mut self, key: TreeKey, tree: Arc<JointBvhs>, most: usize) {
         let pieces = tree.iter().filter_map(|(joint, piece)| self.place(*joint, piece, most));
         let pieces = pieces.collect();
         self.placed.insert(key, PlacedTree { tree, pieces });
@@ -181,7 +180,7 @@ mod tests {
             let at = Vec3::X * index as f32;
             ([at, at + Vec3::X, at + Vec3::Y], SOLID)
         };
-        Tree::Ready(Arc::new(Pieces::new(vec![(0, MeshBvh::new((0..count).map(triangle)))])))
+        Tree::Ready(Arc::new(JointBvhs::new(vec![(0, MeshBvh::new((0..count).map(triangle)))])))
     }
 
     fn update(geometry: &mut Geometry, trees: &Trees, most: usize) -> usize {

@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use bevy::log::warn_once;
 use bytemuck::Pod;
 
 /// Items that lie so near each other are uploaded at once, with those between them.
@@ -136,6 +137,13 @@ fn merged(mut ranges: Vec<Range<usize>>) -> Vec<Range<usize>> {
         }
     }
     merged
+}
+
+/// Warns once that there is no room for more.
+pub(super) fn warn_of_full_buffer() {
+    warn_once!(
+        "the scene's meshes exceed this GPU's largest storage buffer: those that are left out occlude no indirect light"
+    );
 }
 
 #[cfg(test)]

@@ -3,29 +3,24 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal |
+//! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal, and an instance of it |
 //! | `micromap` | none | opacity micromaps of alpha masks |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
 //! | `skin` | main | what joints move of skinned meshes, and where |
 //! | `occluders` | main | which meshes occlude, and where they are |
 //! | `geometry`, `arena` | main | all hierarchies in one array, each in its place |
 //! | `top` | main | the hierarchy over instances, edited as meshes come, move and go |
-//! | `data` | none | an instance in the GPU's layout |
 //! | `mirror` | none | arrays that know what the GPU's copy lacks |
 //! | `buffers` | render | keeps all on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
 //!
-//! Why rays and not imperfect shadow maps (Ritschel et al. 2008): low-resolution depth maps, one
-//! per VPL, must all be rendered again whenever anything moves (79 MB and 2.7 of 8.7 ms in the best
-//! public implementation), leak around every VPL, and miss geometry thinner than a texel. We need
-//! far fewer visibility queries than there are VPLs: the gather tests, per pixel, only a few VPLs
-//! sampled in proportion to their unoccluded irradiance (see `gather/gather.wgsl`), and rays answer
-//! these exactly.
+//! Rays, not imperfect shadow maps (Ritschel et al. 2008): the gather needs only a few visibility
+//! queries per pixel (see `gather/gather.wgsl`), which rays answer exactly, while a depth map per VPL
+//! would be rendered whenever anything moves.
 
 mod arena;
 mod buffers;
 mod bvh;
-mod data;
 mod geometry;
 mod micromap;
 mod mirror;
@@ -49,7 +44,7 @@ pub use occluders::GiOccluders;
 /// Bytes of the structs of `trace.wgsl`. A test compares them with the shader.
 pub(super) const STRUCT_BYTES: [(&str, u64); 3] = [
     ("Node", size_of::<bvh::Node>() as u64),
-    ("Instance", size_of::<data::Instance>() as u64),
+    ("Instance", size_of::<bvh::Instance>() as u64),
     ("Triangle", size_of::<bvh::TriangleWords>() as u64),
 ];
 

@@ -16,15 +16,15 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::GlobalTransform;
 
-use super::data::{Instance, instance};
+use super::bvh::{Instance, instance};
 use super::geometry::Geometry;
-use super::skin::{Part, Skins};
+use super::skin::{InstanceKey, Skins};
 use super::top::{Bounds, TopTree};
 use super::trees::{self, TreeKey, Trees, ready, waiting};
 use crate::gi::compute::{largest_storage_buffer, limits_of};
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Mask, MeshDelta, SurfaceAssets, SurfaceEvents, occludes};
-use crate::gi::view::{GiCameras, LightPresence, Showing, Shown};
+use crate::gi::surfaces::{Mask, MeshChanges, SurfaceAssets, SurfaceEvents, occludes};
+use crate::gi::view::{GiCameras, LightPresence, MeshVisibility, VisibilityFilter};
 
 /// The occluders of indirect light. Maintained while there is light and a camera with
 /// [`GiVisibility`](crate::gi::GiVisibility), else empty.
@@ -33,13 +33,12 @@ use crate::gi::view::{GiCameras, LightPresence, Showing, Shown};
 /// detail of a [`VisibilityRange`], the one at the camera's distance. Exceptions: transparent and
 /// transmissive ones, those with [`NotShadowCaster`], and those whose asset is kept for the GPU alone
 /// (with a warning). Of skinned meshes, each joint moves a rigid piece, slimmer where several joints
-/// move it. Alpha masks
-/// of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
-/// uncompressed format (else no holes, with a warning). Where the image of
-/// a mask changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
-/// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
-/// until then. Where fewer meshes come than are there, 256 a frame become occluders, so that what a level
-/// streams in is spread over frames.
+/// move it. Alpha masks of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per
+/// triangle, where the CPU can read the mask's image (else no holes, with a warning). Where that image
+/// changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move
+/// vertices are ignored. Meshes of more than 4096 triangles, or 64 with a mask, are built in the
+/// background and occlude nothing until then. Where fewer meshes come than are there, 256 a frame
+/// become occluders, so that what a level streams in is spread over frames.
 ///
 /// [render layer]: bevy::camera::visibility::RenderLayers
 /// [`VisibilityRange`]: bevy::camera::visibility::VisibilityRange
@@ -75,16 +74,16 @@ impl GiOccluders {
     }
 }
 
-/// Meshes that become occluders in one frame, at most, where fewer come than are there. Higher values make
-/// them occlude earlier, and frames in which many come take longer.
-const MOST_NEW: usize = 256;
+/// Meshes that become occluders in one frame, at most, where fewer come than are there. Higher
+/// values: they occlude earlier, and frames in which many come take longer.
+const MAX_NEW: usize = 256;
 
 /// What occludes light, and the trees of it.
 #[derive(Resource, Default)]
 pub(super) struct OccluderScene {
     trees: Trees,
     /// Each part's tree, and what maps that to the world.
-    parts: HashMap<Part, (TreeKey, Affine3A)>,
+    parts: HashMap<InstanceKey, (TreeKey, Affine3A)>,
     /// Numbers of joints of skinned meshes.
     joints: HashMap<Entity, u16>,
     /// Number of parts with each tree.
@@ -106,8 +105,8 @@ pub(super) struct OccluderScene {
 /// Parts whose tree or place is new, and parts that are gone.
 #[derive(Default)]
 struct Edit {
-    set: Vec<Part>,
-    removed: Vec<Part>,
+    set: Vec<InstanceKey>,
+    removed: Vec<InstanceKey>,
 }
 
 /// A mesh that may occlude light.
@@ -118,7 +117,7 @@ type Mesh<'a> = (
     &'a InheritedVisibility,
     Option<&'a MeshMaterial3d<StandardMaterial>>,
     Option<&'a SkinnedMesh>,
-    Showing,
+    MeshVisibility,
 );
 
 pub(super) fn update(
@@ -130,7 +129,7 @@ pub(super) fn update(
     device: Option<Res<RenderDevice>>,
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
     gi_cameras: GiCameras,
-    delta: Res<MeshDelta>,
+    changes: Res<MeshChanges>,
     meshes: Query<Mesh<'static>, Without<NotShadowCaster>>,
     skins: Skins,
 ) {
@@ -153,7 +152,7 @@ pub(super) fn update(
         return;
     }
     let shown = gi_cameras.shown();
-    let is_whole = delta.unknown || !occluders.is_kept || scene.layers != *shown.layers();
+    let is_whole = changes.unknown || !occluders.is_kept || scene.layers != *shown.layers();
     let mut edit = Edit::default();
     let read = |mesh| scene_parts(mesh, &shown, &assets, &skins);
     if is_whole {
@@ -164,15 +163,15 @@ pub(super) fn update(
         }
     } else {
         let (known, mut new): (Vec<_>, Vec<_>) =
-            delta.altered.iter().copied().partition(|entity| scene.holds(*entity));
+            changes.altered.iter().copied().partition(|entity| scene.holds(*entity));
         if !new.is_empty() {
             // Those that went in the same frame, or that wait already, do not come.
             let queued: HashSet<Entity> = scene.new.iter().copied().collect();
             new.retain(|entity| meshes.contains(*entity) && !queued.contains(entity));
         }
         // A scene that arrives is no stream: it is there at once, in one long frame.
-        let most = if new.len() > scene.parts.len() { usize::MAX } else { MOST_NEW };
-        if !delta.gone.is_empty() {
+        let most = if new.len() > scene.parts.len() { usize::MAX } else { MAX_NEW };
+        if !changes.gone.is_empty() {
             scene.new.retain(|entity| meshes.contains(*entity));
         }
         scene.new.extend(new);
@@ -183,7 +182,8 @@ pub(super) fn update(
             let parts = meshes.get(entity).map_or(Some(Vec::new()), read);
             scene.put(entity, parts, &mut edit);
         }
-        let whole = delta.moved.iter().map(|(entity, affine)| (Part::whole(*entity), *affine));
+        let whole =
+            changes.moved.iter().map(|(entity, affine)| (InstanceKey::whole(*entity), *affine));
         for (part, affine) in whole.chain(skins.moved()) {
             scene.displace(part, affine, &mut edit);
         }
@@ -238,10 +238,10 @@ fn scene_parts(
         '_,
         '_,
     >,
-    shown: &Shown,
+    shown: &VisibilityFilter,
     assets: &SurfaceAssets,
     skins: &Skins,
-) -> Option<Vec<(Part, TreeKey, Affine3A)>> {
+) -> Option<Vec<(InstanceKey, TreeKey, Affine3A)>> {
     if !visible.get() || !shown.has(&showing, transform) {
         return Some(Vec::new());
     }
@@ -254,10 +254,10 @@ fn scene_parts(
     let mask = material.and_then(Mask::new);
     let key = TreeKey { mesh: mesh.id(), mask, is_skinned: skin.is_some() };
     let Some(skin) = skin else {
-        return Some(vec![(Part::whole(entity), key, transform.affine())]);
+        return Some(vec![(InstanceKey::whole(entity), key, transform.affine())]);
     };
     let places = skins.places(skin)?;
-    Some(places.map(|(joint, affine)| (Part { entity, joint }, key, affine)).collect())
+    Some(places.map(|(joint, affine)| (InstanceKey { entity, joint }, key, affine)).collect())
 }
 
 impl OccluderScene {
@@ -271,14 +271,14 @@ impl OccluderScene {
 
     /// Whether a mesh has parts.
     fn holds(&self, entity: Entity) -> bool {
-        self.parts.contains_key(&Part::whole(entity)) || self.joints.contains_key(&entity)
+        self.parts.contains_key(&InstanceKey::whole(entity)) || self.joints.contains_key(&entity)
     }
 
     /// Replaces the parts of a mesh; `None`: its bind poses are not loaded yet.
     fn put(
         &mut self,
         entity: Entity,
-        parts: Option<Vec<(Part, TreeKey, Affine3A)>>,
+        parts: Option<Vec<(InstanceKey, TreeKey, Affine3A)>>,
         edit: &mut Edit,
     ) {
         if parts.is_none() {
@@ -287,7 +287,7 @@ impl OccluderScene {
         let parts = parts.unwrap_or_default();
         // The joints that a skinned mesh had, or the mesh itself.
         let joints = self.joints.remove(&entity).unwrap_or(1);
-        let before = (0..joints).map(|joint| Part { entity, joint });
+        let before = (0..joints).map(|joint| InstanceKey { entity, joint });
         for part in before.filter(|part| !parts.iter().any(|(now, ..)| now == part)) {
             if let Some((key, _)) = self.parts.remove(&part) {
                 self.release(&key);
@@ -320,7 +320,7 @@ impl OccluderScene {
     }
 
     /// Moves a part. Others occlude nothing, wherever they are.
-    fn displace(&mut self, part: Part, affine: Affine3A, edit: &mut Edit) {
+    fn displace(&mut self, part: InstanceKey, affine: Affine3A, edit: &mut Edit) {
         if let Some((_, before)) = self.parts.get_mut(&part)
             && *before != affine
         {
@@ -330,7 +330,7 @@ impl OccluderScene {
     }
 
     /// A part's instance; `None` where nothing of it occludes light.
-    fn place(&self, part: &Part) -> Option<(Instance, Bounds)> {
+    fn place(&self, part: &InstanceKey) -> Option<(Instance, Bounds)> {
         let (key, affine) = self.parts.get(part)?;
         let nodes = self.geometry.nodes_of(key, part.joint)?;
         instance(ready(&self.trees, key, part.joint)?, nodes, affine)
@@ -342,7 +342,7 @@ impl OccluderScene {
         let Self { trees, geometry, parts, .. } = self;
         // Trees lie in the order of the first part that each has.
         let first_parts = |keys: &[TreeKey]| {
-            let mut first: HashMap<TreeKey, Option<Part>> =
+            let mut first: HashMap<TreeKey, Option<InstanceKey>> =
                 keys.iter().map(|key| (*key, None)).collect();
             for (part, (key, _)) in &*parts {
                 if let Some(first) = first.get_mut(key)

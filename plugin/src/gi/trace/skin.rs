@@ -18,15 +18,15 @@ use bevy::transform::components::GlobalTransform;
 
 use crate::gi::surfaces::Triangles;
 
-/// What an instance is of: a mesh, or what one joint moves of a skinned one.
+/// Identifies an instance: a mesh, or the piece of a skinned mesh that one joint moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct Part {
+pub(super) struct InstanceKey {
     pub entity: Entity,
     /// Index of the joint; 0 for a mesh without a skin.
     pub joint: u16,
 }
 
-impl Part {
+impl InstanceKey {
     /// A mesh without a skin.
     pub(super) fn whole(entity: Entity) -> Self {
         Self { entity, joint: 0 }
@@ -58,12 +58,12 @@ impl Skins<'_, '_> {
     }
 
     /// Parts of skins of which a joint moved since the last frame, and where they are.
-    pub(super) fn moved(&self) -> impl Iterator<Item = (Part, Affine3A)> {
+    pub(super) fn moved(&self) -> impl Iterator<Item = (InstanceKey, Affine3A)> {
         let is_moved =
             |skin: &SkinnedMesh| skin.joints.iter().any(|joint| self.moved.contains(*joint));
         self.skins.iter().filter(move |(_, skin)| is_moved(skin)).flat_map(|(entity, skin)| {
             let places = self.places(skin).into_iter().flatten();
-            places.map(move |(joint, affine)| (Part { entity, joint }, affine))
+            places.map(move |(joint, affine)| (InstanceKey { entity, joint }, affine))
         })
     }
 }

@@ -1,10 +1,9 @@
 //! The tree over instances, edited as meshes come, move and go.
 //!
-//! A tree of ten thousand instances takes some 10 ms to build, a frame's time. So what came since it
-//! was built gets a small tree of its own behind it, what went stays as an instance of nothing, and
-//! what moved widens the boxes around it, up to the root. Rays traverse the trees one after another,
-//! as children of one root. Once too much has changed, all are built anew as one, in the background
-//! where they are large.
+//! A large tree takes a frame's time to build. So new instances get a small tree of their own behind
+//! it, removed instances become empty slots, and moved ones widen the boxes around them, up to the
+//! root. Rays traverse the trees one after another, as children of one root. Once too much has
+//! changed, all are rebuilt as one, in the background where they are large.
 
 use bevy::math::Vec3A;
 use bevy::platform::collections::HashMap;
@@ -12,23 +11,22 @@ use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
 
-use super::bvh::{Effort, FlatBvh, Node, fitted, refit};
-use super::data::{Instance, warn_of_full_buffer};
-use super::mirror::Mirrored;
-use super::skin::Part;
+use super::bvh::{Effort, FlatBvh, Instance, Node, fitted, refit};
+use super::mirror::{Mirrored, warn_of_full_buffer};
+use super::skin::InstanceKey;
 
 /// A box: its lower and its upper corner.
 pub(super) type Bounds = (Vec3A, Vec3A);
 
 /// An instance of a part, and the box around it.
-pub(super) type Placed = (Part, Instance, Bounds);
+pub(super) type Placed = (InstanceKey, Instance, Bounds);
 
 /// Trees of up to so many instances are built at once, in less than a millisecond.
 const AT_ONCE: usize = 1024;
 /// All are built anew when their boxes have grown by this factor,
-const MOST_GROWTH: f64 = 2.0;
+const MAX_GROWTH: f64 = 2.0;
 /// when so many trees were added,
-const MOST_TREES: usize = 16;
+const MAX_TREES: usize = 16;
 /// or when this share of the instances is gone, as a divisor.
 const GONE_SHARE: usize = 4;
 /// All boxes are fitted at once where this share of the instances moved, as a divisor.
@@ -37,7 +35,7 @@ const MOVED_SHARE: usize = 8;
 /// A new order of instances, built in the background.
 struct Rebuilt {
     tree: FlatBvh,
-    parts: Vec<Part>,
+    parts: Vec<InstanceKey>,
     boxes: Vec<Bounds>,
 }
 
@@ -46,9 +44,9 @@ struct Rebuilt {
 pub(super) struct TopTree {
     pub nodes: Mirrored<Node>,
     pub instances: Mirrored<Instance>,
-    slots: HashMap<Part, usize>,
+    slots: HashMap<InstanceKey, usize>,
     /// By slot; `None` where an instance is gone.
-    parts: Vec<Option<Part>>,
+    parts: Vec<Option<InstanceKey>>,
     bounds: Vec<Bounds>,
     /// The leaf of each slot.
     leaves: Vec<u32>,
@@ -70,7 +68,7 @@ impl TopTree {
     }
 
     /// Whether a part has an instance.
-    pub(super) fn holds(&self, part: &Part) -> bool {
+    pub(super) fn holds(&self, part: &InstanceKey) -> bool {
         self.slots.contains_key(part)
     }
 
@@ -111,7 +109,7 @@ impl TopTree {
     }
 
     /// The tree after instances of parts were set and removed.
-    pub(super) fn edit(&mut self, set: Vec<Placed>, removed: &[Part], most: usize) {
+    pub(super) fn edit(&mut self, set: Vec<Placed>, removed: &[InstanceKey], most: usize) {
         for part in removed {
             if let Some(slot) = self.slots.remove(part) {
                 let instance = Instance { nodes: [0; 2], ..self.instances[slot] };
@@ -146,8 +144,8 @@ impl TopTree {
             }
             self.fit(0);
         }
-        let must_build = self.area > MOST_GROWTH * self.area_built
-            || self.added > MOST_TREES
+        let must_build = self.area > MAX_GROWTH * self.area_built
+            || self.added > MAX_TREES
             || self.gone * GONE_SHARE > self.parts.len();
         if must_build && self.rebuilding.is_none() {
             if self.slots.len() <= AT_ONCE {
@@ -232,7 +230,7 @@ impl TopTree {
     fn push(
         &mut self,
         mut nodes: Vec<Node>,
-        parts: &[Option<Part>],
+        parts: &[Option<InstanceKey>],
         placed: Vec<(Instance, Bounds)>,
     ) {
         let (instances, bounds): (Vec<_>, Vec<_>) = placed.into_iter().unzip();

@@ -16,9 +16,9 @@ fn placed(number: u32, place: [f32; 3]) -> Placed {
     (part, instance, (place - half, place + half))
 }
 
-fn part(number: u32) -> Part {
+fn part(number: u32) -> InstanceKey {
     let entity = bevy::ecs::entity::Entity::from_raw_u32(number).expect("an index");
-    Part { entity, joint: 0 }
+    InstanceKey { entity, joint: 0 }
 }
 
 /// The instances whose boxes contain a point, as a ray would find them.
@@ -131,7 +131,7 @@ fn large_trees_are_rebuilt_in_the_background_while_meshes_come_and_go() {
     check(&tree, &there);
     assert!(rebuilt >= 2, "{rebuilt}");
     // Neither what is gone nor the number of trees grows without end.
-    assert!(tree.parts.len() < 2 * there.len() && tree.added < 2 * MOST_TREES);
+    assert!(tree.parts.len() < 2 * there.len() && tree.added < 2 * MAX_TREES);
 }
 
 #[test]

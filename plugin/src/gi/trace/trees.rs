@@ -28,9 +28,9 @@ const MASKED_TRIANGLE: usize = 64;
 /// A tree for each joint that moves any triangles, in the order of joints. A mesh without a skin
 /// has one, for joint 0.
 #[derive(Debug)]
-pub(super) struct Pieces(Vec<(u16, MeshBvh)>);
+pub(super) struct JointBvhs(Vec<(u16, MeshBvh)>);
 
-impl Pieces {
+impl JointBvhs {
     /// From pieces in the order of their joints.
     #[cfg(test)]
     pub(super) fn new(pieces: Vec<(u16, MeshBvh)>) -> Self {
@@ -51,8 +51,8 @@ impl Pieces {
 
 /// A mesh's tree.
 pub(super) enum Tree {
-    Building(Task<Pieces>),
-    Ready(Arc<Pieces>),
+    Building(Task<JointBvhs>),
+    Ready(Arc<JointBvhs>),
     /// Its triangles cannot be read.
     Unreadable,
 }
@@ -133,7 +133,7 @@ fn start(key: &TreeKey, assets: &SurfaceAssets, left: &mut usize) -> Option<Tree
             None => vec![(0, triangles)],
         };
         let build = |(joint, piece)| (joint, tree(piece, cutout.as_ref()));
-        Pieces(pieces.into_iter().map(build).collect())
+        JointBvhs(pieces.into_iter().map(build).collect())
     };
     Some(if work <= TRIANGLES_AT_ONCE.min(*left) {
         *left -= work;

@@ -49,9 +49,9 @@ pub(in crate::gi) struct GiFrame {
     pub(in crate::gi) arriving: u32,
 }
 
-/// Changes of the scene since the last frame.
+/// What happened since the last frame that may make maps out of date.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::gi) struct SceneDelta {
+pub(in crate::gi) struct MapChanges {
     /// Something visible changed.
     pub changed: bool,
     /// An asset was added, changed or removed.
@@ -69,22 +69,22 @@ pub(in crate::gi) struct SceneDelta {
 impl GiFrame {
     /// The next frame's, in which maps are rendered if any is out of date. `period`: frames from one
     /// rendering of the maps to the next.
-    pub(crate) fn next(self, delta: SceneDelta, period: u32) -> Self {
-        let number = if delta.cut { 0 } else { self.number.wrapping_add(1) };
-        let frames_since_change = if delta.changed || delta.unfilled {
+    pub(crate) fn next(self, changes: MapChanges, period: u32) -> Self {
+        let number = if changes.cut { 0 } else { self.number.wrapping_add(1) };
+        let frames_since_change = if changes.changed || changes.unfilled {
             0
         } else {
             self.frames_since_change.saturating_add(1)
         };
-        let arriving = if delta.arrived {
+        let arriving = if changes.arrived {
             ARRIVAL
         } else {
-            self.arriving.saturating_sub(1).max(u32::from(delta.missing))
+            self.arriving.saturating_sub(1).max(u32::from(changes.missing))
         };
         // A whole period from the last change on: one frame in it renders maps.
         // What waits was due in an earlier frame.
         let waits = self.waiting > 0;
-        let gather = delta.always || arriving > 0 || waits || frames_since_change < period;
+        let gather = changes.always || arriving > 0 || waits || frames_since_change < period;
         // Texels at a new position in the store must be written before they are sampled, and the
         // period must not delay what was missing.
         Self {
@@ -92,7 +92,7 @@ impl GiFrame {
             frames_since_change,
             arriving,
             gather,
-            maps: delta.unfilled
+            maps: changes.unfilled
                 || arriving > 0
                 || waits
                 || gather && number.is_multiple_of(period),
@@ -106,7 +106,7 @@ impl GiFrame {
 mod tests {
     use super::*;
 
-    const NOTHING: SceneDelta = SceneDelta {
+    const NOTHING: MapChanges = MapChanges {
         changed: false,
         arrived: false,
         missing: false,
@@ -114,7 +114,7 @@ mod tests {
         unfilled: false,
         cut: false,
     };
-    const CHANGE: SceneDelta = SceneDelta { changed: true, ..NOTHING };
+    const CHANGE: MapChanges = MapChanges { changed: true, ..NOTHING };
 
     #[test]
     fn maps_rest_after_the_last_change() {
@@ -122,13 +122,13 @@ mod tests {
         assert!(frame.maps && frame.gather);
         let frame = frame.next(NOTHING, 1);
         assert!(!frame.maps && !frame.gather);
-        assert!(frame.next(SceneDelta { always: true, ..NOTHING }, 1).maps);
+        assert!(frame.next(MapChanges { always: true, ..NOTHING }, 1).maps);
     }
 
     #[test]
     fn maps_render_while_assets_arrive() {
         let mut frame = GiFrame { frames_since_change: 99, ..Default::default() }
-            .next(SceneDelta { arrived: true, ..NOTHING }, 1);
+            .next(MapChanges { arrived: true, ..NOTHING }, 1);
         for _ in 0..ARRIVAL {
             assert!(frame.maps && frame.gather);
             frame = frame.next(NOTHING, 1);
@@ -161,9 +161,9 @@ mod tests {
     fn new_and_missing_objects_are_rendered_at_once() {
         let frame = GiFrame { number: 0, frames_since_change: 99, ..Default::default() };
         assert!(!frame.next(CHANGE, 8).maps);
-        assert!(frame.next(SceneDelta { arrived: true, ..NOTHING }, 8).maps);
-        assert!(frame.next(SceneDelta { missing: true, ..NOTHING }, 8).maps);
-        assert!(frame.next(SceneDelta { unfilled: true, ..NOTHING }, 8).maps);
+        assert!(frame.next(MapChanges { arrived: true, ..NOTHING }, 8).maps);
+        assert!(frame.next(MapChanges { missing: true, ..NOTHING }, 8).maps);
+        assert!(frame.next(MapChanges { unfilled: true, ..NOTHING }, 8).maps);
         let waiting = GiFrame { waiting: 3, ..frame }.next(NOTHING, 8);
         assert!(waiting.maps && waiting.gather);
     }
@@ -172,7 +172,7 @@ mod tests {
     fn a_cut_begins_a_period() {
         for number in 0..8 {
             let cut = GiFrame { number, frames_since_change: 99, ..Default::default() }
-                .next(SceneDelta { cut: true, ..CHANGE }, 4);
+                .next(MapChanges { cut: true, ..CHANGE }, 4);
             assert!(cut.maps && cut.gather);
             let mut frame = cut;
             let rendered: Vec<_> = std::iter::from_fn(|| {

@@ -4,15 +4,13 @@
 //! |---|---|---|
 //! | `frame` | both | the work of a frame, from the changes of the scene |
 //! | `work` | render | the work of a camera in a frame |
-//! | `presence` | main | whether there is light to gather |
+//! | `light` | both | whether there is light to gather; a camera's environment map |
 //! | `shown` | main | which meshes GI cameras show |
-//! | `environment` | both | a camera's environment map |
 //! | `noise.wgsl` | | noise of low-resolution pixels |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
-mod environment;
 mod frame;
-mod presence;
+mod light;
 mod shown;
 mod work;
 
@@ -30,11 +28,10 @@ use super::settings::{FrugalGi, GiPixelFraction};
 use super::texels::{TexelRow, same_layout};
 pub use crate::cut::CameraCut;
 use crate::cut::Jumps;
-pub(super) use environment::SkySource;
 pub use frame::GiRefresh;
-pub(super) use frame::{GiFrame, SceneDelta};
-pub(super) use presence::LightPresence;
-pub(super) use shown::{GiCameras, Showing, Shown};
+pub(super) use frame::{GiFrame, MapChanges};
+pub(super) use light::{LightPresence, SkySource};
+pub(super) use shown::{GiCameras, MeshVisibility, VisibilityFilter};
 pub(super) use work::{HistoryAction, Work};
 
 pub(super) struct ViewPlugin;
@@ -57,7 +54,7 @@ impl Plugin for ViewPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        environment::finish(app);
+        light::finish(app);
     }
 }
 

@@ -28,8 +28,8 @@ pub(in crate::gi) struct GiCameras<'w, 's> {
 
 impl GiCameras<'_, '_> {
     /// What they show together.
-    pub(crate) fn shown(&self) -> Shown {
-        let mut shown = Shown { layers: RenderLayers::none(), eyes: Vec::new() };
+    pub(crate) fn shown(&self) -> VisibilityFilter {
+        let mut shown = VisibilityFilter { layers: RenderLayers::none(), eyes: Vec::new() };
         for (camera, gi, transform, layers) in &self.cameras {
             if camera.is_active && gi.vpl_count > 0 {
                 shown.layers = shown.layers.union(layers.unwrap_or_default());
@@ -42,26 +42,26 @@ impl GiCameras<'_, '_> {
 
 /// What decides whether a camera shows a mesh.
 #[derive(QueryData)]
-pub(in crate::gi) struct Showing {
+pub(in crate::gi) struct MeshVisibility {
     layers: Option<&'static RenderLayers>,
     range: Option<&'static VisibilityRange>,
     aabb: Option<&'static Aabb>,
 }
 
 /// What the active GI cameras show.
-pub(in crate::gi) struct Shown {
+pub(in crate::gi) struct VisibilityFilter {
     layers: RenderLayers,
     eyes: Vec<Vec3>,
 }
 
-impl Shown {
+impl VisibilityFilter {
     /// Render layers of all of them.
     pub(crate) fn layers(&self) -> &RenderLayers {
         &self.layers
     }
 
     /// Whether a mesh is on a layer, and at a level of detail, of any GI camera.
-    pub(crate) fn has(&self, mesh: &ShowingItem, transform: &GlobalTransform) -> bool {
+    pub(crate) fn has(&self, mesh: &MeshVisibilityItem, transform: &GlobalTransform) -> bool {
         self.layers.intersects(mesh.layers.unwrap_or_default())
             && mesh.range.is_none_or(|range| self.has_level(range, mesh.aabb, transform))
     }
@@ -100,11 +100,11 @@ mod tests {
         let place = GlobalTransform::from_xyz(1.0, 0.0, 0.0);
         for distance in [0.0, 10.0, 20.0, 22.4, 22.5, 25.0, 69.0, 72.4, 72.5, 75.0, 1e9] {
             let eyes = vec![Vec3::new(1.0, distance, 0.0)];
-            let shown = Shown { layers: RenderLayers::default(), eyes };
+            let shown = VisibilityFilter { layers: RenderLayers::default(), eyes };
             let count = levels.iter().filter(|level| shown.has_level(level, None, &place)).count();
             assert_eq!(count, 1, "at {distance} m");
         }
-        let lost = Shown { layers: RenderLayers::default(), eyes: vec![Vec3::NAN] };
+        let lost = VisibilityFilter { layers: RenderLayers::default(), eyes: vec![Vec3::NAN] };
         assert!(!lost.has_level(&levels[0], None, &place));
     }
 }

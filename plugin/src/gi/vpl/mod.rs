@@ -5,34 +5,26 @@ mod plan;
 mod view;
 
 use bevy::app::{App, Plugin};
-use bevy::asset::{embedded_asset, load_embedded_asset};
+use bevy::asset::embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, uniform_buffer};
-use bevy::render::render_resource::*;
+use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
-use bevy::shader::{ShaderDefVal, load_shader_library};
+use bevy::shader::load_shader_library;
 
-use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with, read, write};
+use super::compute::{CameraInputs, compute_pass, drop_with};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use passes::SampleInputs;
-pub(super) use plan::VplPlan;
+pub(super) use passes::{SampleInputs, TILE_GROUP, VplKernels, WEIGH_GROUP};
+pub(super) use plan::{VPL_BYTES, VplPlan};
 pub(super) use view::{
     IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, VplView,
 };
-
-/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test compares it with the shader.
-pub(super) const VPL_BYTES: u64 = 48;
-
-/// Tiles and rows of a workgroup of `tile_visibility.wgsl`, texels and rows of one of `weigh.wgsl`.
-pub(super) const TILE_GROUP: [u32; 2] = [2, 16];
-pub(super) const WEIGH_GROUP: [u32; 2] = [16, 4];
 
 pub(super) struct VplPlugin;
 
@@ -54,67 +46,6 @@ impl Plugin for VplPlugin {
             .add_observer(drop_with::<GiView, VplView>)
             .add_systems(Render, view::prepare.in_set(PrepareSystems::Vpl))
             .add_systems(Core3d, sample.in_set(PassSystems::Vpl));
-    }
-}
-
-#[derive(Resource)]
-pub(super) struct VplKernels {
-    pick_importance_points: Kernel,
-    find_defensive_term: Kernel,
-    weigh_texels: Kernel,
-    trace_tiles: Kernel,
-    accumulate_rows: Kernel,
-    accumulate_maps: Kernel,
-    sample: Kernel,
-}
-
-/// `TILE_VISIBILITY` where importance points have traced the tiles.
-fn weigh_variant(is_traced: bool) -> Vec<ShaderDefVal> {
-    definitions([(is_traced, "TILE_VISIBILITY")])
-}
-
-/// The tile visibility always tests alpha masks.
-fn tile_variant() -> Vec<ShaderDefVal> {
-    vec!["MASKS".into()]
-}
-
-impl FromWorld for VplKernels {
-    fn from_world(world: &mut World) -> Self {
-        let compute = ShaderStages::COMPUTE;
-        let (g_buffer, depth) = (texture_2d(TextureSampleType::Uint), texture_depth_2d());
-        let view = uniform_buffer::<ViewUniform>(true);
-        let weighing = BindGroupLayoutEntries::sequential(
-            compute,
-            (g_buffer, depth, view, read(), read(), write(), write(), read()),
-        );
-        let tracing =
-            BindGroupLayoutEntries::sequential(compute, (view, read(), read(), read(), write()));
-        let sampling = BindGroupLayoutEntries::sequential(
-            compute,
-            (read(), read(), write(), write(), write(), read()),
-        );
-        let (weigh, sample) =
-            (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
-        let tiles = load_embedded_asset!(world, "tile_visibility.wgsl");
-        let cache = world.resource::<PipelineCache>();
-        let weigh =
-            |entry_point| Kernel::new("frugal_gi/vpl/weigh", entry_point, &weigh, &weighing);
-        let variants = || [false, true].map(weigh_variant);
-        let sample = |entry_point| {
-            Kernel::new("frugal_gi/vpl/sample", entry_point, &sample, &sampling)
-                .queued(cache, [vec![]])
-        };
-        Self {
-            pick_importance_points: weigh("pick_importance_points").queued(cache, [vec![]]),
-            find_defensive_term: weigh("find_defensive_term").queued(cache, variants()),
-            weigh_texels: weigh("weigh_texels").queued(cache, variants()),
-            trace_tiles: Kernel::new("frugal_gi/vpl/tiles", "trace_tiles", &tiles, &tracing)
-                .with_group(OccluderBuffers::layout())
-                .queued(cache, [tile_variant()]),
-            accumulate_rows: sample("accumulate_rows"),
-            accumulate_maps: sample("accumulate_maps"),
-            sample: sample("sample_vpls"),
-        }
     }
 }
 

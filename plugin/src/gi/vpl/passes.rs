@@ -1,13 +1,83 @@
 //! From importance points to virtual point lights: the passes that sampling for a camera's image
 //! and for its patches share.
 
+use bevy::asset::load_embedded_asset;
+use bevy::ecs::prelude::*;
+use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, uniform_buffer};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderContext;
+use bevy::render::view::ViewUniform;
+use bevy::shader::ShaderDefVal;
 
 use super::view::SamplingBuffers;
-use super::{TILE_GROUP, VplKernels, WEIGH_GROUP, tile_variant, weigh_variant};
-use crate::gi::compute::CameraInputs;
+use crate::gi::compute::{CameraInputs, Kernel, definitions, read, write};
 use crate::gi::texels::TILE;
+use crate::gi::trace::OccluderBuffers;
+
+/// Tiles and rows of a workgroup of `tile_visibility.wgsl`, texels and rows of one of `weigh.wgsl`.
+pub(in crate::gi) const TILE_GROUP: [u32; 2] = [2, 16];
+pub(in crate::gi) const WEIGH_GROUP: [u32; 2] = [16, 4];
+
+#[derive(Resource)]
+pub(in crate::gi) struct VplKernels {
+    pub(super) pick_importance_points: Kernel,
+    find_defensive_term: Kernel,
+    weigh_texels: Kernel,
+    trace_tiles: Kernel,
+    accumulate_rows: Kernel,
+    accumulate_maps: Kernel,
+    sample: Kernel,
+}
+
+/// `TILE_VISIBILITY` where importance points have traced the tiles.
+fn weigh_variant(is_traced: bool) -> Vec<ShaderDefVal> {
+    definitions([(is_traced, "TILE_VISIBILITY")])
+}
+
+/// The tile visibility always tests alpha masks.
+fn tile_variant() -> Vec<ShaderDefVal> {
+    vec!["MASKS".into()]
+}
+
+impl FromWorld for VplKernels {
+    fn from_world(world: &mut World) -> Self {
+        let compute = ShaderStages::COMPUTE;
+        let (g_buffer, depth) = (texture_2d(TextureSampleType::Uint), texture_depth_2d());
+        let view = uniform_buffer::<ViewUniform>(true);
+        let weighing = BindGroupLayoutEntries::sequential(
+            compute,
+            (g_buffer, depth, view, read(), read(), write(), write(), read()),
+        );
+        let tracing =
+            BindGroupLayoutEntries::sequential(compute, (view, read(), read(), read(), write()));
+        let sampling = BindGroupLayoutEntries::sequential(
+            compute,
+            (read(), read(), write(), write(), write(), read()),
+        );
+        let (weigh, sample) =
+            (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
+        let tiles = load_embedded_asset!(world, "tile_visibility.wgsl");
+        let cache = world.resource::<PipelineCache>();
+        let weigh =
+            |entry_point| Kernel::new("frugal_gi/vpl/weigh", entry_point, &weigh, &weighing);
+        let variants = || [false, true].map(weigh_variant);
+        let sample = |entry_point| {
+            Kernel::new("frugal_gi/vpl/sample", entry_point, &sample, &sampling)
+                .queued(cache, [vec![]])
+        };
+        Self {
+            pick_importance_points: weigh("pick_importance_points").queued(cache, [vec![]]),
+            find_defensive_term: weigh("find_defensive_term").queued(cache, variants()),
+            weigh_texels: weigh("weigh_texels").queued(cache, variants()),
+            trace_tiles: Kernel::new("frugal_gi/vpl/tiles", "trace_tiles", &tiles, &tracing)
+                .with_group(OccluderBuffers::layout())
+                .queued(cache, [tile_variant()]),
+            accumulate_rows: sample("accumulate_rows"),
+            accumulate_maps: sample("accumulate_maps"),
+            sample: sample("sample_vpls"),
+        }
+    }
+}
 
 /// Inputs and output of the sampling.
 pub(in crate::gi) struct SampleInputs<'a> {

@@ -3,9 +3,10 @@
 use bevy::math::UVec2;
 use bytemuck::{Pod, Zeroable};
 
-use super::VPL_BYTES;
 use crate::gi::settings::{FrugalGi, GiInterleave};
 
+/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test compares it with the shader.
+pub(in crate::gi) const VPL_BYTES: u64 = 48;
 /// Sets begin at multiples of so many VPLs: 16 × 48 bytes is a multiple of 256, the alignment of
 /// uniform offsets.
 const STRIDE: u32 = 16;

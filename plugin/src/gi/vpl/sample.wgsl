@@ -12,7 +12,7 @@
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::texels::rows::Row
-#import bevy_frugal_gi::gi::vpl::vpl::Vpl
+#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl}
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
@@ -95,10 +95,8 @@ fn find_texel(first: u32, length: u32, threshold: f32) -> u32 {
     return low;
 }
 
-/// Bounds in lumens and m² with which the irradiance from a thousand VPLs stays finite at any
-/// distance.
-const MOST_FLUX: f32 = 1e25;
-const LEAST_RADIUS_SQUARED: f32 = 1e-10;
+/// m², with which the irradiance from a thousand VPLs stays finite at any distance.
+const MIN_RADIUS_SQUARED: f32 = 1e-10;
 
 @compute @workgroup_size(64)
 fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -131,7 +129,7 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     vpl.texel_width = sqrt(clamp(texel.area, 0.0, 1e18));
     // The disk of all texels that the VPL stands for among all sets' VPLs, at least its own.
     let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
-    vpl.largest_geometry_term = 1.0 / clamp(disk, LEAST_RADIUS_SQUARED, 1e18);
-    vpl.flux = select(vec3(0.0), min(texel.flux * (row.share * share), vec3(MOST_FLUX)), carries);
+    vpl.largest_geometry_term = 1.0 / clamp(disk, MIN_RADIUS_SQUARED, 1e18);
+    vpl.flux = select(vec3(0.0), min(texel.flux * (row.share * share), vec3(MAX_FLUX)), carries);
     vpls[id.x] = vpl;
 }

@@ -16,6 +16,10 @@ struct Vpl {
     padding: f32,
 }
 
+/// Lumens: with this bound, sums over all texels, and the irradiance from a thousand VPLs at any
+/// distance, stay finite.
+const MAX_FLUX: f32 = 1e25;
+
 /// Unoccluded irradiance from one VPL, times π: the factor 1/π of its cosine lobe is applied to the
 /// sum. Lux · π.
 ///

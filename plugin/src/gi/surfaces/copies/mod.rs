@@ -8,7 +8,7 @@
 //! | `copy.wgsl` averages the texture into the buffer | render |
 //! | `receive` keeps the image, and the surface finds it | main |
 
-mod pass;
+pub(super) mod pass;
 
 use std::sync::{Mutex, PoisonError};
 
@@ -18,6 +18,8 @@ use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::UVec2;
+use bevy::mesh::Mesh;
+use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
@@ -26,15 +28,13 @@ use bevy::render::render_resource::{
 };
 use bevy::render::storage::ShaderBuffer;
 
-use super::texture::is_readable;
 use crate::gi::schedule::SceneSystems;
-pub(super) use pass::finish;
 
 /// Most texels along a side of a copy. Emission and reflectance are averaged over surfaces, which
 /// hides finer ones; holes of masks are as fine as they are (`docs/limits.md`).
-const MOST_SIDE: u32 = 128;
+const MAX_SIDE: u32 = 128;
 /// Copies on their way at once: at most 0.5 MiB are read back in a frame.
-const MOST_REQUESTS: usize = 4;
+const MAX_REQUESTS: usize = 4;
 /// Frames after which a texture is given up. Its pipeline compiles, and the texture itself loads,
 /// within far fewer.
 const PATIENCE_FRAMES: u32 = 600;
@@ -104,6 +104,11 @@ impl<'a> Textures<'a> {
     }
 }
 
+/// Whether the CPU can read an image: it is not kept for the GPU alone, and not compressed.
+pub(super) fn is_readable(image: &Image) -> bool {
+    image.get_color_at(0, 0).is_ok()
+}
+
 /// A texture on its way to the CPU.
 #[derive(Component, ExtractComponent, Clone, Debug)]
 struct CopyRequest {
@@ -123,7 +128,6 @@ struct CopyAssets<'w, 's> {
 }
 
 pub(super) fn build(app: &mut App) {
-    pass::embed(app);
     app.init_resource::<GiTextureCopies>()
         .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
         // Before surfaces are read, so that they find no copy of an image that changed.
@@ -156,7 +160,7 @@ fn ask(
     wanted.retain(|id| copies.is_new(*id));
     // The same order in every run. The others are asked for again.
     wanted.sort_unstable();
-    wanted.truncate(MOST_REQUESTS.saturating_sub(copies.requested.len()));
+    wanted.truncate(MAX_REQUESTS.saturating_sub(copies.requested.len()));
     let (Some(images), Some(buffers)) = (assets.images, assets.buffers.as_mut()) else { return };
     for id in wanted {
         let Some(image) = images.get(id) else { continue };
@@ -164,7 +168,7 @@ fn ask(
             copies.copies.insert(id, None);
             continue;
         }
-        let size = image.size().max(UVec2::ONE).min(UVec2::splat(MOST_SIDE));
+        let size = image.size().max(UVec2::ONE).min(UVec2::splat(MAX_SIDE));
         let bytes = (size.element_product() as usize + 1) * TEXEL_BYTES;
         let buffer = buffers.add(ShaderBuffer::with_size(bytes, RenderAssetUsages::RENDER_WORLD));
         let readback = Readback::buffer(buffer.clone());
@@ -217,4 +221,21 @@ fn copied(size: UVec2, texels: Vec<u8>) -> Image {
         TextureFormat::Rgba16Float,
         RenderAssetUsages::MAIN_WORLD,
     )
+}
+
+/// For systems that read surfaces in the main world.
+#[derive(SystemParam)]
+pub(in crate::gi) struct SurfaceAssets<'w> {
+    pub meshes: Res<'w, Assets<Mesh>>,
+    /// `None` in an app without images.
+    images: Option<Res<'w, Assets<Image>>>,
+    /// `None` in an app without Bevy's materials.
+    pub materials: Option<Res<'w, Assets<StandardMaterial>>>,
+    copies: Res<'w, GiTextureCopies>,
+}
+
+impl SurfaceAssets<'_> {
+    pub(crate) fn textures(&self) -> Textures<'_> {
+        Textures { images: self.images.as_deref(), copies: &self.copies }
+    }
 }

@@ -1,4 +1,5 @@
-//! A camera's environment map, in both worlds.
+//! What lights GI cameras: whether there is light to gather, without which GI holds no buffers, and a
+//! camera's environment map.
 
 use bevy::app::App;
 use bevy::asset::AssetId;
@@ -11,6 +12,26 @@ use bevy::render::{Extract, ExtractSchedule};
 
 use crate::gi::schedule::supported_render_app;
 use crate::gi::settings::FrugalGi;
+
+/// The kinds of light in the scene, in the main world. Written in
+/// [`SceneSystems::Maps`](crate::gi::schedule::SceneSystems) and `Emissive`.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gi) struct LightPresence {
+    /// There are reflective shadow maps.
+    pub maps: bool,
+    /// There are texels of emissive surfaces.
+    pub emissive: bool,
+}
+
+impl LightPresence {
+    /// Whether a camera has light to gather: of lights, of emissive surfaces, or of its environment
+    /// map where it has one.
+    pub(crate) fn lights(&self, gi: &FrugalGi, has_environment_map: bool) -> bool {
+        self.maps
+            || gi.emissive && self.emissive
+            || has_environment_map && gi.environment_samples > 0
+    }
+}
 
 /// A GI camera's environment map, as its app set it.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]

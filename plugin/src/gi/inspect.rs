@@ -13,8 +13,6 @@ use bevy::render::view::ExtractedView;
 
 use crate::gi::bounces::{self, BounceCamera, Patch};
 pub use crate::gi::bounces::{GiBouncesState, GiPatches};
-use crate::gi::composite;
-use crate::gi::denoise;
 pub use crate::gi::emissive::GiEmitters;
 use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
@@ -27,6 +25,7 @@ use crate::gi::trace::{self, OccluderBuffers};
 use crate::gi::vpl::{
     self, IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, VPL_BYTES, VplPlan, VplView,
 };
+use crate::gi::{composite, denoise};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 14] = [
@@ -54,8 +53,8 @@ pub const SHADER_CONSTANTS: [(&str, &str, u64); 13] = [
     ("vpl/tile_visibility.wgsl", "GROUP_ROWS", vpl::TILE_GROUP[1] as u64),
     ("vpl/weigh.wgsl", "GROUP_TEXELS", vpl::WEIGH_GROUP[0] as u64),
     ("vpl/weigh.wgsl", "GROUP_ROWS", vpl::WEIGH_GROUP[1] as u64),
-    ("gather/gather.wgsl", "MOST_VPLS", FrugalGi::MAX_VPLS_PER_PIXEL as u64),
-    ("gather/gather.wgsl", "MOST_SKY_SAMPLES", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
+    ("gather/gather.wgsl", "MAX_VPLS", FrugalGi::MAX_VPLS_PER_PIXEL as u64),
+    ("gather/gather.wgsl", "MAX_SKY_SAMPLES", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
     ("sky/sky.wgsl", "SKY_STRATA", sky::STRATA as u64),
     ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),
     ("sky/sky.wgsl", "SKY_STRIDE", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
