@@ -159,7 +159,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             .map_err(|error| JournalUse::Evaluate.refused(&error))?;
     }
 
-    let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
+    let request = stage_for_map(&map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;
     let record = record(&mut stage, &map, header, &path, arguments.baselines, kept)?;
@@ -199,7 +199,8 @@ fn check(
     let (path, best) = (&trial.record.path, trial.map.knobs.highest());
     stage.warm()?;
     let shown = Progress::new(0, "frames");
-    let played = play_for_real(stage, path, best, &mut policies, &mut of_frames(&shown));
+    let played =
+        play_for_real(&mut stage.processes()[0], path, best, &mut policies, &mut of_frames(&shown));
     drop(shown);
     let played = played.map_err(CliError::failed)?;
     for (result, run) in results.iter_mut().zip(&played.runs) {
@@ -237,10 +238,11 @@ fn outputs(
         let (path, frames) = (&trial.record.path, result.frames);
         let numbers = [frames / 4, frames / 2, 3 * frames / 4];
         let shown = Progress::new(0, "frames");
-        let kept = pictures(stage, path, result, &numbers, &mut of_frames(&shown));
+        let kept =
+            pictures(&mut stage.processes()[0], path, result, &numbers, &mut of_frames(&shown));
         drop(shown);
         let kept = kept.map_err(CliError::failed)?;
-        write_report(folder, &evaluation_report(result, &captioned(result, &kept), &[])?)?;
+        write_report(folder, &evaluation_report(result, &captioned(result, &kept))?)?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use crate::evaluate::PowerBudget;
 use crate::inspect::{
     CompareError, MapComparison, compare, comparison_table, presets, presets_table,
 };
-use crate::report::{MapSummary, Survey, map_report};
+use crate::report::{Survey, map_report};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -84,13 +84,7 @@ fn summarise(arguments: &Arguments) -> Result<(), CliError> {
         write(path, file.as_bytes())?;
     }
     if let Some(folder) = &arguments.report {
-        write_report(
-            folder,
-            &map_report(
-                &MapSummary::of(&map),
-                &[("file".to_owned(), arguments.map.display().to_string())],
-            )?,
-        )?;
+        write_report(folder, &map_report(&map, &[("file", arguments.map.display().to_string())])?)?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `frugal meters`: the power meters of this machine.
 
-use bevy_frugal_gi::power::{Provenance, meters, open};
+use bevy_frugal_gi::power::{meters, open};
 
 use super::CliError;
 use crate::cost::WORK_METER;
@@ -22,11 +22,7 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
             }
         };
         let info = meter.info();
-        let provenance = match info.provenance {
-            Provenance::Measured => "measured",
-            Provenance::Modelled => "modelled",
-        };
-        println!("  {provenance}: {}", info.description);
+        println!("  {}: {}", info.provenance, info.description);
         println!("  unit W, window {} s", meter.window_seconds());
         match self_test(&mut meter, &mut busy_cpu_load) {
             Ok(test) => {

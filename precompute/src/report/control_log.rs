@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
-use super::{Color, Curve, Report, ReportError, Section, curves};
+use super::{Color, Curve, Fact, Report, ReportError, Section, curves, percent};
 use crate::control_log::{CameraLog, changes};
 
 /// Most points of a curve; a longer log is averaged.
@@ -26,55 +26,51 @@ pub(crate) fn heading(log: &CameraLog) -> String {
 }
 
 /// Figures of a log, with names.
-pub(crate) fn facts(log: &CameraLog) -> Vec<(String, String)> {
+pub(crate) fn facts(log: &CameraLog) -> Vec<Fact> {
     let number = |value: Option<f64>, unit: &str, decimals: usize| {
         value.map_or("unknown".to_owned(), |value| format!("{value:.decimals$}{unit}"))
     };
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let statuses: Vec<String> = log
         .statuses()
         .iter()
         .map(|(status, share)| format!("{status} {}", percent(*share)))
         .collect();
     let mut facts = vec![
-        ("Duration".to_owned(), format!("{:.1} s, {} samples", log.seconds(), log.samples.len())),
-        ("Status".to_owned(), statuses.join(", ")),
-        ("Predicted power".to_owned(), number(log.mean(|sample| sample.predicted_w), " W", 3)),
+        ("Duration", format!("{:.1} s, {} samples", log.seconds(), log.samples.len())),
+        ("Status", statuses.join(", ")),
+        ("Predicted power", number(log.mean(|sample| sample.predicted_w), " W", 3)),
     ];
     let meter =
         log.samples.iter().map(|sample| sample.meter.as_str()).find(|name| !name.is_empty());
     if let Some(meter) = meter {
         let metered = number(log.mean(|sample| sample.metered_w), " W", 3);
-        facts.push(("Metered power".to_owned(), format!("{metered} of the whole app, by {meter}")));
+        facts.push(("Metered power", format!("{metered} of the whole app, by {meter}")));
     }
     let (windows, over) = log.windows_over();
     if windows > 0 {
         let share = percent(over as f64 / windows as f64);
         facts.push((
-            "Over budget".to_owned(),
+            "Over budget",
             format!("{over} of {windows} windows of 1 s by more than 2 %: {share}"),
         ));
     }
-    facts.push((
-        "Predicted error".to_owned(),
-        number(log.mean(|sample| sample.predicted_error), "", 4),
-    ));
+    facts.push(("Predicted error", number(log.mean(|sample| sample.predicted_error), "", 4)));
     let measured: Vec<f64> =
         log.samples.iter().filter_map(|sample| sample.measured_error).collect();
     if !measured.is_empty() {
         let mean = measured.iter().sum::<f64>() / measured.len() as f64;
         facts.push((
-            "Measured error".to_owned(),
+            "Measured error",
             format!("{mean:.4}, mean of {} measurements", measured.len()),
         ));
     }
     if let Some(budget) = log.mean(|sample| sample.error_budget) {
-        facts.push(("Error budget".to_owned(), number(Some(budget), "", 4)));
+        facts.push(("Error budget", number(Some(budget), "", 4)));
     }
     let frame = number(log.mean(|sample| sample.frame_ms), " ms", 2);
     let longest = number(log.longest_frame_ms(), " ms", 1);
-    facts.push(("Frame time".to_owned(), format!("{frame}, at most {longest} after the first")));
-    facts.push(("Switches".to_owned(), number(log.switches_per_second(), " a second", 2)));
+    facts.push(("Frame time", format!("{frame}, at most {longest} after the first")));
+    facts.push(("Switches", number(log.switches_per_second(), " a second", 2)));
     facts
 }
 

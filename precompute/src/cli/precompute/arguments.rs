@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bevy_frugal_gi::knobs::did_you_mean;
 use bevy_frugal_gi::units::Watts;
 
 use super::super::CliError;
 use super::super::arguments::duration;
+use super::super::input::path_called;
 use crate::cameras::{TrackSample, recorded_tracks, tracks_of};
 use crate::evaluate::PowerBudget;
 use crate::pipeline::PipelineConfig;
@@ -120,15 +120,7 @@ impl TrackArguments {
         }
         let mut paths = Vec::new();
         for name in &self.paths {
-            paths.push(scene.paths.get(name).ok_or_else(|| {
-                let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-                CliError::usage(format!(
-                    "{}: no path `{name}`: {}it has: {}",
-                    scene.source.display(),
-                    did_you_mean(name, known.iter().copied()),
-                    known.join(", ")
-                ))
-            })?);
+            paths.push(path_called(scene, name)?);
         }
         if self.paths.is_empty() {
             paths.extend(scene.paths.values());

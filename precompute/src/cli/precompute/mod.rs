@@ -12,7 +12,7 @@ use super::arguments::{
 };
 use super::input::{open_scene, stage_for};
 use super::journal::{JournalArguments, JournalUse, journal_path, other_journals};
-use crate::report::{MapSummary, Report, map_section, search_section};
+use crate::report::{Report, map_section, search_section};
 use crate::stage::RemoteStage;
 
 use arguments::SearchArguments;
@@ -79,7 +79,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {name}"));
         report.section(search_section(&searched.summary())?);
-        report.section(map_section(&MapSummary::of(&searched.map))?);
+        report.section(map_section(&searched.map)?);
         write_report(folder, &report.render())?;
     }
     // The run is complete: its journal is not needed, but other shards read a shard's.

@@ -1,17 +1,16 @@
 //! The section on a search: cameras and the settings selected there, costs, influence of knobs,
 //! regret at held-out cameras, calibration, effort.
 
-mod cameras;
 mod plots;
 
 use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap, FrontierPoint};
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use super::{ReportError, Section, knob_table};
+use super::{Fact, ReportError, Section, knob_table, percent};
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::pipeline::Outcome;
-use cameras::PLAN_BUDGET;
+use plots::PLAN_BUDGET;
 
 /// A finished search.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +31,7 @@ pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, Rep
     let SearchSummary { map, outcome, .. } = summary;
     let mut section = Section::new(&format!("{}: the search", map.scene.name));
     section.facts(&facts(summary));
-    let (plan, legend) = cameras::plan(summary);
+    let (plan, legend) = plots::plan(summary);
     let (influence, without) = plots::influence(summary)?;
     section.plots(&[
         (
@@ -88,12 +87,11 @@ pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, Rep
     Ok(section)
 }
 
-fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
+fn facts(summary: &SearchSummary<'_>) -> Vec<Fact> {
     let outcome = summary.outcome;
     let report = &outcome.fitted.report;
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let (made, seconds) = outcome.effort;
-    [
+    vec![
         (
             "Renderings",
             format!("{}, of them {made} in this run, {seconds:.0} s", outcome.renderings),
@@ -117,9 +115,6 @@ fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
         ("Errors in play, as a share of those of short clips", outcome.played.to_string()),
         ("Noise floor: the best settings rendered twice", format!("{:.4}", outcome.noise)),
     ]
-    .into_iter()
-    .map(|(name, value)| (name.to_owned(), value))
-    .collect()
 }
 
 /// Mean over the training cameras.

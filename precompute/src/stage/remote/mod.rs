@@ -18,5 +18,4 @@ mod server;
 
 pub(crate) use client::RemoteStage;
 pub(crate) use process::RemoteError;
-pub(crate) use protocol::StageRequest;
 pub(crate) use server::serve;

@@ -7,37 +7,24 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
-use glam::{Quat, Vec3};
+use frugal_trace::scene::CameraPose;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-/// Parameters of a child.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct StageRequest {
-    /// The scene file.
-    pub scene: PathBuf,
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// Target frame rate.
-    pub frames_per_second: f64,
-    /// Names of the knobs on offer; `None`: all.
-    pub knobs: Option<Vec<String>>,
-    /// The meter's name.
-    pub meter: Option<String>,
-}
+use crate::stage::StageOptions;
 
 /// A request of the parent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Request {
-    /// Opens the stage; the first request.
-    Open(StageRequest),
+    /// Opens the stage of a scene file; the first request.
+    Open { scene: PathBuf, options: StageOptions },
     /// Renders every level of every knob once.
     Warm,
     /// Cost of settings over a clip: the poses of consecutive frames.
-    Measure { clip: Vec<(Vec3, Quat)>, settings: KnobLevels },
+    Measure { clip: Vec<CameraPose>, settings: KnobLevels },
     /// Starts a run.
-    Begin { position: Vec3, rotation: Quat, settings: KnobLevels },
+    Begin { pose: CameraPose, settings: KnobLevels },
     /// Renders one frame of a run.
-    Play { position: Vec3, rotation: Quat, settings: KnobLevels },
+    Play { pose: CameraPose, settings: KnobLevels },
 }
 
 /// A reply of the child, with its memory use.
@@ -51,11 +38,7 @@ pub(super) struct Reply {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Answer {
-    Opened {
-        space: KnobSpace,
-        meter: MeterInfo,
-        idle: Watts,
-    },
+    Opened(Opened),
     Done,
     Cost(CostPoint),
     /// Followed by width × height × 3 bytes.
@@ -68,6 +51,14 @@ pub(super) enum Answer {
         usage: bool,
         message: String,
     },
+}
+
+/// What a child says of its stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Opened {
+    pub space: KnobSpace,
+    pub meter: MeterInfo,
+    pub idle: Watts,
 }
 
 /// Longest message, bytes: a longer length is not from a stage.
@@ -93,11 +84,14 @@ pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<T
 
 #[cfg(test)]
 mod tests {
+    use glam::{Quat, Vec3};
+
     use super::*;
 
     #[test]
     fn messages_round_trip_and_invalid_ones_are_refused() {
-        let clip = vec![(Vec3::new(0.1, -2.0, 1e6), Quat::IDENTITY); 2];
+        let position = Vec3::new(0.1, -2.0, 1e6);
+        let clip = vec![CameraPose { position, rotation: Quat::IDENTITY }; 2];
         let request = Request::Measure { clip, settings: KnobLevels::from_bits(u128::MAX) };
         let mut pipe = Vec::new();
         send(&mut pipe, &request).expect("a vector takes it");
