@@ -11,7 +11,7 @@ use bevy::platform::time::Instant;
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
 
-use crate::power::warnings::SaidFaults;
+use crate::power::meter::SaidFaults;
 use crate::power::{
     Adapter, MeterInfo, MeterState, OpenMeterError, PowerMeter, PowerSampler, SamplerSettings,
     detect, open,
