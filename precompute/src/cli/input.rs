@@ -29,8 +29,7 @@ pub(super) fn read_map(path: &Path) -> Result<(FrontierMap, String), CliError> {
             path.display()
         ))
     })?;
-    let map = FrontierMap::from_ron(&text)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let map = FrontierMap::from_ron(&text).map_err(|error| CliError::in_file(path, error))?;
     Ok((map, text))
 }
 
@@ -42,8 +41,7 @@ pub(super) fn read_map_of(
 ) -> Result<FrontierMap, CliError> {
     let (map, _) = read_map(path)?;
     let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    map.matches_scene(&identity)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    map.matches_scene(&identity).map_err(|error| CliError::in_file(path, error))?;
     Ok(map)
 }
 

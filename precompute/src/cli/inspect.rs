@@ -91,8 +91,7 @@ fn summarise(arguments: &Arguments) -> Result<(), CliError> {
 
 /// The map's presets as a table and as a file.
 fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliError> {
-    let presets =
-        presets(map).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let presets = presets(map).map_err(|error| CliError::in_file(path, error))?;
     let file = presets.to_ron().map_err(CliError::failed)?;
     Ok((presets_table(&presets), file))
 }
@@ -164,7 +163,7 @@ fn compare_maps(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     }
     let (percent, tolerated) = (100.0 * comparison.change, format!("{:.2} %", 100.0 * tolerance));
     if rose {
-        return Err(CliError::Regressed(format!(
+        return Err(CliError::regressed(format!(
             "power at equal error rose by {percent:.2} %, more than the {tolerated} tolerated"
         )));
     }

@@ -11,7 +11,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::files::{self, FileKind, Found, Quantity};
+use super::{FileKind, Found, Quantity, open as open_files};
 use crate::power::MeterError;
 use crate::power::kind::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
@@ -32,7 +32,7 @@ pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "jetson[=RAIL]",
     expected: "the label of a rail, such as VDD_IN",
-    open: |root, wanted| files::open(&FILES, root, wanted),
+    open: |root, wanted| open_files(&FILES, root, wanted),
 };
 
 static FILES: FileKind = FileKind {

@@ -5,7 +5,7 @@
 //! package (`core`, `uncore`), which the package contains. `intel-rapl-mmio:N` is the same package
 //! once more. Packages are added up, and nothing else.
 
-use super::files::{self, FileKind, Found, Quantity};
+use super::{FileKind, Found, Quantity, open as open_files};
 use crate::power::MeterError;
 use crate::power::kind::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
@@ -17,7 +17,7 @@ pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "rapl[=package|=psys]",
     expected: "package or psys",
-    open: |root, wanted| files::open(&FILES, root, wanted),
+    open: |root, wanted| open_files(&FILES, root, wanted),
 };
 
 static FILES: FileKind = FileKind {

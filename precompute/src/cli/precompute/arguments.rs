@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use bevy_frugal_gi::units::Watts;
+use clap::builder::RangedU64ValueParser;
 
 use super::super::CliError;
 use super::super::arguments::duration;
@@ -33,7 +34,7 @@ pub(super) struct SearchArguments {
     #[command(flatten)]
     pub tracks: TrackArguments,
     /// Training cameras; further ones, a sixth of their number, calibrate error budgets
-    #[arg(long, value_name = "N", default_value_t = 96)]
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000))]
     pub training: usize,
     /// Power threshold for dividing a node: watts, or a share of the power range
     #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
@@ -43,7 +44,7 @@ pub(super) struct SearchArguments {
     #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
     pub error_threshold: f64,
     /// Greatest number of octree levels
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(0..=6))]
     pub levels: u8,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -80,15 +81,6 @@ impl SearchArguments {
             return Err(CliError::usage(format!(
                 "--error-threshold {}: must be a finite number, 0 or above",
                 self.error_threshold
-            )));
-        }
-        if self.levels > 6 {
-            return Err(CliError::usage(format!("--levels {}: must be 0 to 6", self.levels)));
-        }
-        if !(1..=100_000).contains(&self.training) {
-            return Err(CliError::usage(format!(
-                "--training {}: must be 1 to 100000",
-                self.training
             )));
         }
         Ok(())

@@ -11,7 +11,7 @@ use super::arguments::{
     CaptureArguments, WorkerArguments, check_outputs, check_report, write, write_report,
 };
 use super::input::{open_scene, stage_for};
-use super::journal::{JournalArguments, JournalUse, journal_path, other_journals};
+use super::journal::{JournalArguments, journal_path, other_journals};
 use crate::report::{Report, map_section, search_section};
 use crate::stage::RemoteStage;
 
@@ -62,13 +62,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         scene: &scene,
         name: &name,
         tracks: &tracks,
-        capture: &arguments.capture,
-        arguments: &arguments.search,
-        shard: arguments.shard.unwrap_or((0, 1)),
+        arguments,
         others: other_journals(&output, &journal),
         journal,
-        existing: arguments.journal.existing(),
-        of: JournalUse::Precompute,
     };
     plan.check_journal()?;
     let request = stage_for(&scene, &arguments.capture)?;

@@ -12,7 +12,7 @@ use bevy_frugal_gi::units::Watts;
 use frugal_trace::scene::CameraPose;
 
 use super::process::{RemoteError, StageProcess};
-use super::protocol::{Opened, Request};
+use super::{Opened, Request};
 use crate::device::on_this_machine;
 use crate::scene::SceneDescription;
 use crate::stage::StageOptions;

@@ -8,7 +8,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::CameraPose;
 
-use super::protocol::{Answer, Opened, Reply, Request, receive, send};
+use super::{Answer, Opened, Reply, Request, receive, send};
 use crate::stage::{FrameRenderer, RenderedFrame};
 
 /// Resident size above which a child is replaced, bytes. Well above a scene's own textures, well

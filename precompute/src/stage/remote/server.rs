@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use frugal_trace::metrics::Picture;
 
-use super::protocol::{Answer, Opened, Reply, Request, receive, send};
+use super::{Answer, Opened, Reply, Request, receive, send};
 use crate::scene;
 use crate::stage::{FrameRenderer, RenderedFrame, Stage, StageError, StageEvaluator};
 
