@@ -18,7 +18,7 @@ use crate::evaluate::{
     play_for_real, settings_to_record, table,
 };
 use crate::journal::{Existing, Journal, JournalHeader, hash};
-use crate::report::{captioned, evaluation_report};
+use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
@@ -242,7 +242,7 @@ fn outputs(
             pictures(&mut stage.processes()[0], path, result, &numbers, &mut of_frames(&shown));
         drop(shown);
         let kept = kept.map_err(CliError::failed)?;
-        write_report(folder, &evaluation_report(result, &captioned(result, &kept))?)?;
+        write_report(folder, &evaluation_report(result, &kept)?)?;
     }
     Ok(())
 }

@@ -77,31 +77,32 @@ pub(crate) fn facts(log: &CameraLog) -> Vec<Fact> {
 fn section(log: &CameraLog) -> Result<Section, ReportError> {
     let mut section = Section::new(&heading(log));
     section.facts(&facts(log));
-    let mut plots = Vec::new();
-    let metered = curve(log, Color::GREY, |sample| sample.metered_w);
-    let predicted = curve(log, Color::BLUE, |sample| sample.predicted_w);
-    let limits = limits(log, |sample| {
+    let plot = |name: &'static str, axis: &str, lines: Vec<Curve>| {
+        let drawn = || Ok((name, curves(name, ["time, s", axis], &lines, None)?));
+        (!lines.is_empty()).then(drawn)
+    };
+    let of = |color: Color, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value);
+    let power_limit = |sample: &ControlSample| {
         let own = sample.power_budget_w;
         [own, sample.app_budget_w].into_iter().flatten().reduce(f64::min)
-    });
-    let of_power: Vec<Curve> = predicted.into_iter().chain(limits).chain(metered).collect();
-    let axes = |value: &'static str| ["time, s", value];
-    if !of_power.is_empty() {
-        plots.push(("Power", curves("Power", axes("power, W"), &of_power, None)?));
-    }
-    let predicted = curve(log, Color::BLUE, |sample| sample.predicted_error);
-    let limits = self::limits(log, |sample| sample.error_budget);
-    let measured = curve(log, Color::GREY, |sample| sample.measured_error);
-    let of_error: Vec<Curve> = predicted.into_iter().chain(limits).chain(measured).collect();
-    if !of_error.is_empty() {
-        plots.push(("Error", curves("Error", axes("error, 1 − SSIM"), &of_error, None)?));
-    }
-    let mean = curve(log, Color::BLUE, |sample| sample.frame_ms);
-    let longest = curve(log, Color::GREY, |sample| sample.longest_frame_ms);
-    let of_time: Vec<Curve> = [mean, longest].into_iter().flatten().collect();
-    if !of_time.is_empty() {
-        plots.push(("Frame time", curves("Frame time", axes("frame, ms"), &of_time, None)?));
-    }
+    };
+    let power = of(Color::BLUE, |sample| sample.predicted_w)
+        .into_iter()
+        .chain(limits(log, power_limit))
+        .chain(of(Color::GREY, |sample| sample.metered_w));
+    let error = of(Color::BLUE, |sample| sample.predicted_error)
+        .into_iter()
+        .chain(limits(log, |sample| sample.error_budget))
+        .chain(of(Color::GREY, |sample| sample.measured_error));
+    let frame = of(Color::BLUE, |sample| sample.frame_ms)
+        .into_iter()
+        .chain(of(Color::GREY, |sample| sample.longest_frame_ms));
+    let plots = [
+        plot("Power", "power, W", power.collect()),
+        plot("Error", "error, 1 − SSIM", error.collect()),
+        plot("Frame time", "frame, ms", frame.collect()),
+    ];
+    let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, ReportError>>()?;
     if !plots.is_empty() {
         section.legend([
             ("predicted; mean frame", Color::BLUE),

@@ -8,22 +8,22 @@ use crate::evaluate::{
 
 use super::{Color, Curve, Fact, Report, ReportError, Section, curves, provenance};
 
-/// A page on `result`; `pictures` are frames with captions.
+/// A page on `result`, with `pictures` of frames.
 ///
 /// # Errors
 /// When a plot or an image fails.
 pub(crate) fn evaluation_report(
     result: &EvaluationResult,
-    pictures: &[(String, &Picture)],
+    pictures: &[FramePicture],
 ) -> Result<String, ReportError> {
     let mut report =
         Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
-    report.section(evaluation_section(result, pictures)?);
+    report.section(evaluation_section(result, &captioned(result, pictures))?);
     Ok(report.render())
 }
 
 /// Images of an evaluation, captioned with run, frame and the frame's cost.
-pub(crate) fn captioned<'p>(
+fn captioned<'p>(
     result: &EvaluationResult,
     pictures: &'p [FramePicture],
 ) -> Vec<(String, &'p Picture)> {
@@ -43,9 +43,6 @@ fn evaluation_section(
 ) -> Result<Section, ReportError> {
     let mut section =
         Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
-    if let Some(summary) = summary(result) {
-        section.paragraph(&summary);
-    }
     section.paragraph(&format!(
         "{} Watts are power at the target frame rate. Error is 1 − SSIM of a frame against the same frame at the highest settings: 0 is equal.",
         provenance(&result.meter)
@@ -87,37 +84,6 @@ fn color(run: usize) -> Color {
 fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
     (result.budget.power_w.is_some() || result.budget.error.is_some())
         .then_some(("budget (dashed)", Color::RED))
-}
-
-/// Summary of the controller's run and the baselines in two or three sentences.
-fn summary(result: &EvaluationResult) -> Option<String> {
-    let named = |name: &str| result.runs.iter().find(|run| run.name == name);
-    let frugal = named("frugal")?;
-    let mut text = format!(
-        "Under the budget, frugal took {:.2} W on average with a mean error of {:.4}, changed settings {} times, \
-         and exceeded the budget in {} of {} frames.",
-        frugal.mean_power_w.0,
-        frugal.mean_error,
-        frugal.switches,
-        frugal.frames_over_budget,
-        result.frames
-    );
-    if let Some(maximum) = named("maximum").filter(|run| run.mean_power_w.0 > 0.0) {
-        let share = 100.0 * frugal.mean_power_w.0 / maximum.mean_power_w.0;
-        text += &format!(
-            " That is {share:.0}% of the power of the highest settings, {:.2} W.",
-            maximum.mean_power_w.0
-        );
-    }
-    if let Some(baseline) = named("resolution-only") {
-        text += &format!(
-            " Scaling the resolution alone took {:.2} W with a mean error of {:.4}{}.",
-            baseline.mean_power_w.0,
-            baseline.mean_error,
-            if baseline.met { "" } else { ", and exceeded the budget" }
-        );
-    }
-    Some(text)
 }
 
 fn facts(result: &EvaluationResult) -> Vec<Fact> {
@@ -216,7 +182,7 @@ mod tests {
         let pictures = captioned(&result, &kept);
         let minimum = pictures.iter().find(|(caption, _)| caption.starts_with("minimum"));
         assert_eq!(minimum.unwrap().0, "minimum, frame 4: 1.01 W, error 0.1176");
-        let html = evaluation_report(&result, &pictures).unwrap();
+        let html = evaluation_report(&result, &kept).unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
             "was not measured. It was computed by the model formula",

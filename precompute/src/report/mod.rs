@@ -25,7 +25,7 @@ mod survey;
 pub(crate) use control_log::{
     control_log_report, facts as control_log_facts, heading as control_log_heading,
 };
-pub(crate) use evaluation::{captioned, evaluation_report};
+pub(crate) use evaluation::evaluation_report;
 pub(crate) use map::{map_report, map_section};
 pub(crate) use page::{Report, Section, escape};
 pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};

@@ -18,7 +18,7 @@ use crate::stage::RemoteStage;
 use arguments::SearchArguments;
 use arguments::shard;
 use outcome::print_outcome;
-use search::{SearchPlan, Searched, search};
+use search::{SearchPlan, search};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {name}"));
-        report.section(search_section(&searched.summary())?);
+        report.section(search_section(&searched)?);
         report.section(map_section(&searched.map)?);
         write_report(folder, &report.render())?;
     }

@@ -3,7 +3,7 @@
 use std::cell::LazyCell;
 use std::path::PathBuf;
 
-use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity};
+use bevy_frugal_gi::frontier::{Bounds, Capture, SceneIdentity};
 use bevy_frugal_gi::power::detect;
 
 use super::super::CliError;
@@ -16,7 +16,7 @@ use crate::cost::FrameLayout;
 use crate::device;
 use crate::journal::{Journal, JournalHeader, hash};
 use crate::pipeline::{
-    self, CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, map_of, run as run_pipeline,
+    self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
 use crate::report::SearchSummary;
 use crate::scene::{LoadedScene, SceneDescription};
@@ -25,20 +25,6 @@ use crate::view_features::ViewDescriber;
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
 const MAX_CALIBRATION: usize = 24;
-
-/// A map and the outcome of its search.
-pub(super) struct Searched {
-    pub map: FrontierMap,
-    pub outcome: Outcome,
-    pub cameras: CameraSet,
-}
-
-impl Searched {
-    /// For the report.
-    pub(super) fn summary(&self) -> SearchSummary<'_> {
-        SearchSummary { map: &self.map, outcome: &self.outcome, cameras: &self.cameras }
-    }
-}
 
 /// What is searched, and which journal keeps it.
 pub(super) struct SearchPlan<'a> {
@@ -110,7 +96,10 @@ impl SearchPlan<'_> {
 }
 
 /// Samples cameras and runs the pipeline.
-pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<Searched, CliError> {
+pub(super) fn search(
+    stage: &mut RemoteStage,
+    plan: &SearchPlan<'_>,
+) -> Result<SearchSummary, CliError> {
     let SearchPlan { scene, tracks, arguments, .. } = *plan;
     let (existing, search) = (arguments.journal.existing(), &arguments.search);
     let config = search.config();
@@ -169,7 +158,7 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
     let outcome = outcome.map_err(|error| cli_error(error, scene))?;
     let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter());
     map.validate().map_err(CliError::failed)?;
-    Ok(Searched { map, outcome, cameras })
+    Ok(SearchSummary { map, outcome, cameras })
 }
 
 /// Training cameras, and a sixth as many for calibration, up to [`MAX_CALIBRATION`].

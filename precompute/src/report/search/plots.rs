@@ -16,7 +16,7 @@ pub(super) const PLAN_BUDGET: f64 = 0.02;
 const COLORS: usize = Color::SERIES.len();
 
 /// Cameras from above, each a wedge in its direction, and the legend of their colours.
-pub(super) fn plan(summary: &SearchSummary<'_>) -> (String, Vec<(String, Color)>) {
+pub(super) fn plan(summary: &SearchSummary) -> (String, Vec<(String, Color)>) {
     let budget = Budget::error(PLAN_BUDGET);
     let played: Vec<(MovingCamera, Option<KnobLevels>)> = training_cameras(summary)
         .map(|(row, camera)| (*camera, selected(summary, row, &budget)))
@@ -37,7 +37,7 @@ pub(super) fn plan(summary: &SearchSummary<'_>) -> (String, Vec<(String, Color)>
             .map_or(Color::GREY, |rank| Color::SERIES[rank])
     };
     let legend = counts.iter().take(COLORS).enumerate().map(|(rank, (settings, count))| {
-        let power = mean_cost(summary.outcome, *settings).map_or(f64::NAN, |cost| cost.power.0);
+        let power = mean_cost(&summary.outcome, *settings).map_or(f64::NAN, |cost| cost.power.0);
         (format!("{power:.2} W, {count} cameras"), Color::SERIES[rank])
     });
     let mut legend: Vec<_> = legend.collect();
@@ -60,7 +60,7 @@ pub(super) fn plan(summary: &SearchSummary<'_>) -> (String, Vec<(String, Color)>
 const REGRET_BUDGETS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 
 /// Costs of the pool at every training camera, and the shared frontier.
-pub(super) fn costs(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
+pub(super) fn costs(summary: &SearchSummary) -> Result<String, ReportError> {
     let table = &summary.outcome.training;
     let points: Vec<(f64, f64)> = (0..table.settings().len())
         .flat_map(|column| table.known(column))
@@ -72,7 +72,7 @@ pub(super) fn costs(summary: &SearchSummary<'_>) -> Result<String, ReportError> 
 }
 
 /// A bar for each knob with effect, and the names of the others.
-pub(super) fn influence(summary: &SearchSummary<'_>) -> Result<(String, Vec<String>), ReportError> {
+pub(super) fn influence(summary: &SearchSummary) -> Result<(String, Vec<String>), ReportError> {
     let (space, screening) = (&summary.map.knobs, &summary.outcome.screening);
     let mut rows: Vec<Bar> = Vec::new();
     let mut without = Vec::new();
@@ -89,8 +89,8 @@ pub(super) fn influence(summary: &SearchSummary<'_>) -> Result<(String, Vec<Stri
 }
 
 /// Mean error of two selections at held-out cameras over that of the best selection, by budget.
-pub(super) fn regret(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
-    let outcome = summary.outcome;
+pub(super) fn regret(summary: &SearchSummary) -> Result<String, ReportError> {
+    let outcome = &summary.outcome;
     let table = &outcome.training;
     let mut ours = Curve { color: Color::BLUE, width: 2, points: Vec::new() };
     let mut shared = Curve { color: Color::GREY, width: 2, points: Vec::new() };
@@ -132,7 +132,7 @@ pub(super) fn regret(summary: &SearchSummary<'_>) -> Result<String, ReportError>
 }
 
 /// Budgets, and the predicted errors that keep them.
-pub(super) fn calibration(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
+pub(super) fn calibration(summary: &SearchSummary) -> Result<String, ReportError> {
     let known = summary.map.error_rates.0.iter();
     let points: Vec<(f64, f64)> =
         known.filter_map(|rate| Some((rate.budget, rate.predicted?))).collect();
