@@ -119,17 +119,9 @@ pub(crate) fn frames_csv(
     to: impl io::Write,
 ) -> Result<(), csv::Error> {
     let mut writer = csv::Writer::from_writer(to);
-    writer.write_record([
-        "run",
-        "frame",
-        "time_s",
-        "power_w",
-        "error",
-        "predicted_power_w",
-        "predicted_error",
-        "settings_bits",
-        "settings",
-    ])?;
+    let columns =
+        "run,frame,time_s,power_w,error,predicted_power_w,predicted_error,settings_bits,settings";
+    writer.write_record(columns.split(','))?;
     for run in &result.runs {
         for (number, frame) in run.series.iter().enumerate() {
             let predicted =

@@ -65,15 +65,6 @@ impl Default for HudSettings {
 #[reflect(Component, Default, Clone, Debug)]
 pub struct HudPart;
 
-/// When the HUD is written.
-#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum HudSystems {
-    /// In [`Update`]: the decisions shown are those of the frame before, whose settings this frame
-    /// shows.
-    Write,
-}
-
 impl Plugin for HudPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<HudSettings>()
@@ -83,6 +74,7 @@ impl Plugin for HudPlugin {
             .register_type::<HudSettings>()
             .register_type::<HudWipe>()
             .register_type::<HudPart>()
+            // The decisions shown are those of the frame before, whose settings this frame shows.
             .add_systems(
                 Update,
                 (
@@ -92,8 +84,7 @@ impl Plugin for HudPlugin {
                     wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
                     (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
                 )
-                    .chain()
-                    .in_set(HudSystems::Write),
+                    .chain(),
             )
             // A view's frustum follows from its transform.
             .add_systems(
