@@ -1,5 +1,7 @@
 //! The rendering adapter, for the choice of a meter.
 
+use crate::power::MeterError;
+
 /// Kind of the rendering adapter, for the choice of a meter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -39,7 +41,7 @@ pub(crate) mod vendor {
 }
 
 /// Why a meter of all programs is not chosen for software rendering.
-pub(crate) const CPU_TIME_IS_BETTER: &str =
+const CPU_TIME_IS_BETTER: &str =
     "it contains all programs, the CPU time of this one orders settings better; request it by name";
 
 /// Why a meter of a GPU is not chosen for software rendering.
@@ -69,6 +71,20 @@ impl From<&wgpu::AdapterInfo> for Adapter {
 }
 
 impl Adapter {
+    /// Fails where `meter`, of `whole` with its integrated GPU and all programs, is not to be chosen
+    /// for this adapter.
+    pub(crate) fn is_part_of(&self, meter: &str, whole: &str) -> Result<(), MeterError> {
+        let reason = match self.kind {
+            AdapterKind::Hardware if self.is_integrated => return Ok(()),
+            AdapterKind::Hardware => format!("the GPU is not part of {whole}"),
+            AdapterKind::Software => CPU_TIME_IS_BETTER.to_owned(),
+            AdapterKind::Unknown => {
+                format!("the adapter is not known to be part of {whole}; request it by name")
+            }
+        };
+        Err(MeterError::unavailable(meter, reason))
+    }
+
     /// PCI identifier of the vendor: the reported one, or by the name; `None` where both say
     /// nothing.
     pub(crate) fn vendor(&self) -> Option<u32> {

@@ -25,15 +25,13 @@ fn open(wanted: Wanted) -> Opened {
     let meter = match wanted {
         Wanted::Usual => CpuTimeMeter::default(),
         Wanted::Named(text) => {
-            let invalid = |expected: String| OpenMeterError::Parameter {
+            let watts = text.parse().map_err(|_| WATTS.to_owned());
+            let meter = watts.and_then(|watts| CpuTimeMeter::with_watts_per_core(Watts(watts)));
+            meter.map_err(|expected| OpenMeterError::Parameter {
                 meter: CpuTimeMeter::NAME.to_owned(),
                 parameter: text.to_owned(),
                 expected,
-            };
-            let watts = text.parse();
-            let watts = watts.map_err(|_| invalid(WATTS.to_owned()))?;
-            let meter = CpuTimeMeter::with_watts_per_core(Watts(watts));
-            meter.map_err(|error| invalid(error.to_string()))?
+            })?
         }
         Wanted::For(adapter) => {
             let reason = match adapter.kind {
@@ -59,11 +57,6 @@ pub struct CpuTimeMeter {
     watts_per_core: Watts,
 }
 
-/// Invalid constant of the model: not finite, or not above 0 W.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("watts per core must be finite and above 0, not {}", .0.0)]
-pub struct InvalidWattsPerCore(pub Watts);
-
 impl CpuTimeMeter {
     /// Name on the command line and in [`open`](crate::power::open).
     pub const NAME: &str = "cpu-time";
@@ -77,12 +70,12 @@ impl CpuTimeMeter {
     /// scales with it.
     ///
     /// # Errors
-    /// [`InvalidWattsPerCore`] when `watts_per_core` is not finite or not above 0.
-    pub fn with_watts_per_core(watts_per_core: Watts) -> Result<Self, InvalidWattsPerCore> {
+    /// In words, when `watts_per_core` is not finite or not above 0.
+    pub fn with_watts_per_core(watts_per_core: Watts) -> Result<Self, String> {
         if watts_per_core.0.is_finite() && watts_per_core.0 > 0.0 {
             Ok(Self { watts_per_core })
         } else {
-            Err(InvalidWattsPerCore(watts_per_core))
+            Err(format!("watts per core must be finite and above 0, not {}", watts_per_core.0))
         }
     }
 

@@ -4,7 +4,7 @@
 //! | item | job |
 //! |---|---|
 //! | [`PowerMeter`] | contract: energy or power as it is read, with its provenance |
-//! | [`CpuTimeMeter`], [`NvmlMeter`], and those of Linux' files by name | the meters |
+//! | [`CpuTimeMeter`], and NVML's and those of Linux' files by name | the meters |
 //! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
 //! | `tracker` | the fault model, which judges the readings of every meter |
 //! | [`PowerSampler`] | the one thread that reads a meter |
@@ -32,16 +32,13 @@ mod scripted;
 mod simulated;
 mod sysfs;
 mod tracker;
-mod warnings;
 
 pub use adapter::{Adapter, AdapterKind};
 pub(crate) use battery::Feed;
-pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
+pub use cpu_time::CpuTimeMeter;
 pub use detect::{detect, meters, open};
 pub use kind::OpenMeterError;
 pub use meter::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
-#[cfg(feature = "nvml")]
-pub use nvml::{BoardChoice, NvmlMeter};
 pub use plugin::{MeterChoice, MeterFactory, MeteredPower, PowerPlugin, PowerSystems};
 pub use sampler::{PowerSampler, SamplerSettings};
 #[cfg(test)]

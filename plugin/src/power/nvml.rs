@@ -23,8 +23,10 @@ use crate::power::sysfs::cards::{Card, SLEEPS, cards};
 use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::Joules;
 
+const NAME: &str = "nvml";
+
 pub(crate) const KIND: MeterKind = MeterKind {
-    name: NvmlMeter::NAME,
+    name: NAME,
     usage: "nvml[=INDEX|=BOARD NAME]",
     expected: "a board's index from 0, or its name",
     open,
@@ -33,21 +35,36 @@ pub(crate) const KIND: MeterKind = MeterKind {
 /// Time between two trials to load the driver's library anew, after it or the board failed.
 const RELOAD_INTERVAL: Duration = Duration::from_secs(5);
 
+/// Loads NVML and takes one reading, so that a board without the counter fails here. Takes up to some
+/// hundred milliseconds. The board of an adapter is found by its PCI address, or by its name where the
+/// address is unknown; without both it is the only board.
 fn open(root: &SysRoot, wanted: Wanted) -> Opened {
-    let choice = match wanted {
-        Wanted::Usual => BoardChoice::Index(0),
-        Wanted::Named(text) => {
-            text.parse().map_or_else(|_| BoardChoice::Name(text.to_owned()), BoardChoice::Index)
-        }
-        Wanted::For(adapter) => return Ok(Box::new(NvmlMeter::for_adapter_in(root, adapter)?)),
+    let adapter = match wanted {
+        Wanted::For(adapter) => Some(adapter),
+        Wanted::Usual | Wanted::Named(_) => None,
     };
-    Ok(Box::new(NvmlMeter::open_in(root, &choice)?))
+    may_load(root, adapter)?;
+    let nvml = load()?;
+    let index = match wanted {
+        Wanted::Usual => Some(0),
+        Wanted::Named(text) => text.parse().ok(),
+        Wanted::For(adapter) => adapter_board(&nvml, adapter),
+    };
+    let (index, board) = match (index, wanted) {
+        (Some(index), _) => (index, board_name(&nvml, index)?),
+        (None, Wanted::Named(name)) => board_named(&nvml, name)?,
+        (None, Wanted::For(adapter)) if !adapter.name.is_empty() => {
+            board_named(&nvml, &adapter.name)?
+        }
+        (None, Wanted::For(_) | Wanted::Usual) => only_board(&nvml)?,
+    };
+    Ok(Box::new(NvmlMeter::checked(root, nvml, index, board)?))
 }
 
 /// Whether the library may be loaded for `adapter`: not where that would start the driver of a board
 /// that does not render, or that sleeps.
 fn may_load(root: &SysRoot, adapter: Option<&Adapter>) -> Result<(), MeterError> {
-    let refuse = |reason: &str| Err(MeterError::unavailable(NvmlMeter::NAME, reason));
+    let refuse = |reason: &str| Err(MeterError::unavailable(NAME, reason));
     let all = cards(root);
     if let Some(adapter) = adapter {
         if adapter.kind == AdapterKind::Software {
@@ -75,19 +92,9 @@ fn may_load(root: &SysRoot, adapter: Option<&Adapter>) -> Result<(), MeterError>
     };
     let ours: Vec<&Card> = all.iter().filter(is_it).collect();
     if !ours.is_empty() && ours.iter().all(|card| card.is_asleep(root)) {
-        return Err(MeterError::unreadable(NvmlMeter::NAME, SLEEPS));
+        return Err(MeterError::unreadable(NAME, SLEEPS));
     }
     Ok(())
-}
-
-/// Selects one of several NVIDIA boards.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum BoardChoice {
-    /// By NVML's index, from 0. The order differs from those of Vulkan and CUDA.
-    Index(u32),
-    /// By name, such as `GeForce RTX 3080`; case, the word "NVIDIA" and everything from the first
-    /// `/` on are ignored. Selects the first of several boards of that name.
-    Name(String),
 }
 
 /// Measured meter: NVML's energy counter of one board.
@@ -95,7 +102,7 @@ pub enum BoardChoice {
 /// A reading takes milliseconds. Each reading looks the board up again, by its PCI address: a handle
 /// would borrow the library, and boards are numbered anew when one goes.
 #[derive(Debug)]
-pub struct NvmlMeter {
+struct NvmlMeter {
     root: SysRoot,
     /// The board as the kernel knows it.
     card: Option<Card>,
@@ -108,52 +115,6 @@ pub struct NvmlMeter {
 }
 
 impl NvmlMeter {
-    /// Name on the command line and in [`open`](crate::power::open).
-    pub const NAME: &str = "nvml";
-
-    /// Loads NVML and takes one reading, so that a board without the counter fails here. Takes up
-    /// to some hundred milliseconds.
-    ///
-    /// # Errors
-    /// [`MeterError::Unavailable`] without driver, board or counter, with the remedy where there is
-    /// one, and where all boards sleep; [`MeterError::Unreadable`] when the counter exists but
-    /// rejects the query.
-    pub fn open(choice: &BoardChoice) -> Result<Self, MeterError> {
-        Self::open_in(&SysRoot::default(), choice)
-    }
-
-    fn open_in(root: &SysRoot, choice: &BoardChoice) -> Result<Self, MeterError> {
-        may_load(root, None)?;
-        let nvml = load()?;
-        let (index, board) = match choice {
-            BoardChoice::Index(index) => (*index, board_name(&nvml, *index)?),
-            BoardChoice::Name(name) => board_named(&nvml, name)?,
-        };
-        Self::checked(root, nvml, index, board)
-    }
-
-    /// Opens the board of a rendering adapter, found by its PCI address, or by its name where the
-    /// address is unknown. Without both, opens the only board.
-    ///
-    /// # Errors
-    /// As [`open`](Self::open), and [`MeterError::Unavailable`] when the adapter is not an NVIDIA
-    /// board, such as another vendor's GPU in a laptop with two, or is unknown where there are
-    /// several cards of any vendor.
-    pub fn for_adapter(adapter: &Adapter) -> Result<Self, MeterError> {
-        Self::for_adapter_in(&SysRoot::default(), adapter)
-    }
-
-    fn for_adapter_in(root: &SysRoot, adapter: &Adapter) -> Result<Self, MeterError> {
-        may_load(root, Some(adapter))?;
-        let nvml = load()?;
-        let (index, board) = match adapter_board(&nvml, adapter) {
-            Some(found) => found?,
-            None if adapter.name.is_empty() => only_board(&nvml)?,
-            None => board_named(&nvml, &adapter.name)?,
-        };
-        Self::checked(root, nvml, index, board)
-    }
-
     fn checked(root: &SysRoot, nvml: Nvml, index: u32, board: String) -> Result<Self, MeterError> {
         let address = nvml.device_by_index(index).and_then(|device| device.pci_info());
         let address = address.map(|pci| pci.bus_id.to_lowercase()).unwrap_or_default();
@@ -182,7 +143,7 @@ impl PowerMeter for NvmlMeter {
         let at =
             if self.address.is_empty() { String::new() } else { format!(" at {}", self.address) };
         MeterInfo {
-            name: Self::NAME.to_owned(),
+            name: NAME.to_owned(),
             provenance: Provenance::Measured,
             description: format!("whole board {}{at}, NVML energy counter", self.board),
         }
@@ -190,7 +151,7 @@ impl PowerMeter for NvmlMeter {
 
     fn energy(&mut self) -> Result<Joules, MeterError> {
         if self.card.as_ref().is_some_and(|card| card.is_asleep(&self.root)) {
-            return Err(MeterError::unreadable(Self::NAME, SLEEPS));
+            return Err(MeterError::unreadable(NAME, SLEEPS));
         }
         let energy = self.counter();
         // A driver that was restarted answers a library that is loaded after it only.
@@ -230,7 +191,7 @@ fn only_board(nvml: &Nvml) -> Result<(u32, String), MeterError> {
     match nvml.device_count().map_err(meter_error)? {
         0 | 1 => Ok((0, board_name(nvml, 0)?)),
         boards => Err(MeterError::unavailable(
-            NvmlMeter::NAME,
+            NAME,
             format!(
                 "the rendering adapter is unknown, and there are {boards} boards: name one as nvml=INDEX"
             ),
@@ -242,7 +203,7 @@ fn board_name(nvml: &Nvml, index: u32) -> Result<String, MeterError> {
     let count = nvml.device_count().map_err(meter_error)?;
     if index >= count {
         return Err(MeterError::unavailable(
-            NvmlMeter::NAME,
+            NAME,
             format!("there is no board {index}: the driver reports {count}"),
         ));
     }
@@ -256,7 +217,7 @@ fn board_named(nvml: &Nvml, name: &str) -> Result<(u32, String), MeterError> {
     match boards.iter().position(|board| plain_name(board) == plain_name(name)) {
         Some(index) => Ok((index as u32, boards[index].clone())),
         None => Err(MeterError::unavailable(
-            NvmlMeter::NAME,
+            NAME,
             format!(
                 "no NVIDIA board is called \"{name}\"; there is: {}",
                 if count == 0 { "none".to_owned() } else { boards.join(", ") }
@@ -265,17 +226,12 @@ fn board_named(nvml: &Nvml, name: &str) -> Result<(u32, String), MeterError> {
     }
 }
 
-/// The board at the adapter's PCI address. `None` when the address is unknown, or unknown to NVML;
-/// the caller then uses the name.
-fn adapter_board(nvml: &Nvml, adapter: &Adapter) -> Option<Result<(u32, String), MeterError>> {
+/// The board at the adapter's PCI address. `None` when the address is unknown, or unknown to NVML.
+fn adapter_board(nvml: &Nvml, adapter: &Adapter) -> Option<u32> {
     if adapter.pci_bus_id.is_empty() {
         return None;
     }
-    let index = nvml
-        .device_by_pci_bus_id(adapter.pci_bus_id.as_str())
-        .and_then(|device| device.index())
-        .ok()?;
-    Some(board_name(nvml, index).map(|board| (index, board)))
+    nvml.device_by_pci_bus_id(adapter.pci_bus_id.as_str()).and_then(|device| device.index()).ok()
 }
 
 /// A board's name without the parts that differ between drivers and APIs: "NVIDIA GeForce RTX
@@ -286,38 +242,37 @@ fn plain_name(name: &str) -> String {
 }
 
 fn meter_error(error: NvmlError) -> MeterError {
-    let name = NvmlMeter::NAME;
     match error {
         NvmlError::NotSupported
         | NvmlError::FunctionNotFound
         | NvmlError::FailedToLoadSymbol(_) => MeterError::unavailable(
-            name,
+            NAME,
             format!(
                 "{error}: the energy counter needs a Volta or newer board that is not a virtual GPU, and driver 410 or newer; choose another meter"
             ),
         ),
         NvmlError::LibloadingError(_) | NvmlError::LibraryNotFound => MeterError::unavailable(
-            name,
+            NAME,
             format!(
                 "no NVIDIA driver library ({error}); install the driver where there is an NVIDIA board"
             ),
         ),
         NvmlError::DriverNotLoaded => MeterError::unavailable(
-            name,
+            NAME,
             format!("{error}; load it, or restart after its installation"),
         ),
         NvmlError::LibRmVersionMismatch => MeterError::unavailable(
-            name,
+            NAME,
             format!("{error}; restart the machine: the driver was updated while it ran"),
         ),
         NvmlError::NotFound | NvmlError::InvalidArg => {
-            MeterError::unavailable(name, format!("the board is missing: {error}"))
+            MeterError::unavailable(NAME, format!("the board is missing: {error}"))
         }
         NvmlError::NoPermission => MeterError::unreadable(
-            name,
+            NAME,
             format!("{error}; allow this user the /dev/nvidia* devices, in a container too"),
         ),
-        _ => MeterError::unreadable(name, error.to_string()),
+        _ => MeterError::unreadable(NAME, error.to_string()),
     }
 }
 
@@ -347,13 +302,16 @@ mod tests {
     /// error.
     #[test]
     fn opening_never_panics() {
-        match NvmlMeter::open(&BoardChoice::Index(0)) {
+        fn opened(wanted: Wanted) -> Opened {
+            open(&SysRoot::default(), wanted)
+        }
+        match opened(Wanted::Usual) {
             Ok(mut meter) => {
                 assert!(meter.energy().expect("it was read when it was opened").0 >= 0.0);
             }
             Err(error) => assert!(!error.to_string().is_empty()),
         }
-        assert!(NvmlMeter::open(&BoardChoice::Index(u32::MAX)).is_err());
-        assert!(NvmlMeter::open(&BoardChoice::Name("no such board".to_owned())).is_err());
+        assert!(opened(Wanted::Named(&u32::MAX.to_string())).is_err());
+        assert!(opened(Wanted::Named("no such board")).is_err());
     }
 }

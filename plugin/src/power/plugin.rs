@@ -11,7 +11,7 @@ use bevy::platform::time::Instant;
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
 
-use crate::power::warnings::SaidFaults;
+use crate::power::meter::SaidFaults;
 use crate::power::{
     Adapter, MeterInfo, MeterState, OpenMeterError, PowerMeter, PowerSampler, SamplerSettings,
     detect, open,
@@ -160,15 +160,6 @@ fn start_sampler(
     }
 }
 
-/// When the first figures were published.
-struct Started(Instant);
-
-impl Default for Started {
-    fn default() -> Self {
-        Self(Instant::now())
-    }
-}
-
 /// Publishes changed figures of the sampler. Warns once of each fault.
 fn publish_power(
     sampler: Res<RunningSampler>,
@@ -177,7 +168,7 @@ fn publish_power(
     mut seen: Local<Option<(u64, bool)>>,
     mut sample_count: Local<u64>,
     mut said: Local<SaidFaults>,
-    time: Local<Started>,
+    mut started: Local<Option<Instant>>,
 ) {
     let Some(snapshot) = sampler.0.snapshot_if_changed(&mut seen) else { return };
     if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > *sample_count) {
@@ -185,7 +176,7 @@ fn publish_power(
     }
     *sample_count = snapshot.sample_count;
     if let MeterState::Lost { reason } | MeterState::Unavailable { reason } = &snapshot.state
-        && said.is_new(reason, time.0.elapsed())
+        && said.is_new(reason, started.get_or_insert_with(Instant::now).elapsed())
     {
         warn!("power is not metered: {reason}");
     }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::power::{MeterError, MeterInfo, PowerMeter, Provenance};
-use crate::units::{Joules, Watts};
+use crate::units::Joules;
 
 /// Returns a list of readings, one per call, then repeats the last one for ever.
 #[derive(Clone, Debug)]
@@ -11,7 +11,6 @@ pub(crate) struct ScriptedMeter {
     readings: VecDeque<Result<Joules, MeterError>>,
     last: Result<Joules, MeterError>,
     window_seconds: f64,
-    idle: Watts,
 }
 
 impl ScriptedMeter {
@@ -25,7 +24,6 @@ impl ScriptedMeter {
             readings: readings.into_iter().collect(),
             last: Err(MeterError::unavailable(Self::NAME, "the script is empty")),
             window_seconds: 1e-3,
-            idle: Watts(0.0),
         }
     }
 
@@ -57,10 +55,6 @@ impl PowerMeter for ScriptedMeter {
             self.last = next;
         }
         self.last.clone()
-    }
-
-    fn idle(&self) -> Watts {
-        self.idle
     }
 
     fn window_seconds(&self) -> f64 {

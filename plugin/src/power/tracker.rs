@@ -324,7 +324,8 @@ impl PowerTracker {
         for (before, count) in before.iter().zip(&counts) {
             let (mut from, to) = (before.energy, count.energy);
             if to < from {
-                let fault = fell(from, to);
+                let fault =
+                    Fault::Dropped(format!("the counter fell from {} J to {} J", from.0, to.0));
                 match count.range {
                     Some(range) if from <= range => from = from - range,
                     _ => {
@@ -508,10 +509,6 @@ impl PowerTracker {
 fn counters(counts: Vec<Count>, at: Duration) -> Base {
     let seen = counts.iter().map(|count| (count.energy, at)).collect();
     Base::Counters { counts, at, seen, is_stuck: false }
-}
-
-fn fell(from: Joules, to: Joules) -> Fault {
-    Fault::Dropped(format!("the counter fell from {} J to {} J", from.0, to.0))
 }
 
 #[cfg(test)]

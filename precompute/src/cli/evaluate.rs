@@ -18,7 +18,7 @@ use crate::evaluate::{
     play_for_real, settings_to_record, table,
 };
 use crate::journal::{Existing, Journal, JournalHeader, hash};
-use crate::report::{captioned, evaluation_report};
+use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
@@ -159,7 +159,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             .map_err(|error| JournalUse::Evaluate.refused(&error))?;
     }
 
-    let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
+    let request = stage_for_map(&map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;
     let record = record(&mut stage, &map, header, &path, arguments.baselines, kept)?;
@@ -198,22 +198,26 @@ fn check(
     let mut policies: Vec<_> = results.iter().map(policy).collect();
     let (path, best) = (&trial.record.path, trial.map.knobs.highest());
     stage.warm()?;
-    let shown = Progress::new(0, "frames");
-    let played = play_for_real(stage, path, best, &mut policies, &mut of_frames(&shown));
-    drop(shown);
-    let played = played.map_err(CliError::failed)?;
+    let renderer = &mut stage.processes()[0];
+    let played =
+        with_progress(|on_frame| play_for_real(renderer, path, best, &mut policies, on_frame))
+            .map_err(CliError::failed)?;
     for (result, run) in results.iter_mut().zip(&played.runs) {
         result.add_check(run, played.drift);
     }
     Ok(())
 }
 
-/// Shows the progress of frames.
-fn of_frames(shown: &Progress) -> impl FnMut(&evaluate::Progress<'_>) -> ControlFlow<()> {
-    |progress| {
+/// What to do after each frame of a play.
+type OnFrame<'a> = &'a mut dyn FnMut(&evaluate::Progress<'_>) -> ControlFlow<()>;
+
+/// Plays frames, and shows their progress.
+fn with_progress<T>(play: impl FnOnce(OnFrame<'_>) -> T) -> T {
+    let shown = Progress::new(0, "frames");
+    play(&mut |progress| {
         let what = format!("frames, {}", progress.run);
         shown.at(progress.frames_done, progress.frames_total, what)
-    }
+    })
 }
 
 fn outputs(
@@ -236,11 +240,10 @@ fn outputs(
     if let (Some(folder), [result]) = (&arguments.report, results) {
         let (path, frames) = (&trial.record.path, result.frames);
         let numbers = [frames / 4, frames / 2, 3 * frames / 4];
-        let shown = Progress::new(0, "frames");
-        let kept = pictures(stage, path, result, &numbers, &mut of_frames(&shown));
-        drop(shown);
-        let kept = kept.map_err(CliError::failed)?;
-        write_report(folder, &evaluation_report(result, &captioned(result, &kept), &[])?)?;
+        let renderer = &mut stage.processes()[0];
+        let kept = with_progress(|on_frame| pictures(renderer, path, result, &numbers, on_frame))
+            .map_err(CliError::failed)?;
+        write_report(folder, &evaluation_report(result, &kept)?)?;
     }
     Ok(())
 }
@@ -267,13 +270,12 @@ fn record(
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
     let settings = settings_to_record(map, baselines);
-    let shown = Progress::new(0, "frames");
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }
-    let recorded =
-        record.extend(stage.processes(), &settings, &mut journal, &mut of_frames(&shown));
-    drop(shown);
+    let recorded = with_progress(|on_frame| {
+        record.extend(stage.processes(), &settings, &mut journal, on_frame)
+    });
     recorded.map_err(|error| match error {
         RecordError::Journal(error) => of.failed(&error),
         RecordError::Play(EvaluationError::Interrupted) if kept.is_none() => CliError::failed(

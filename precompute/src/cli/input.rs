@@ -8,8 +8,8 @@ use bevy_frugal_gi::knobs::did_you_mean;
 use super::CliError;
 use super::arguments::CaptureArguments;
 use crate::evaluate::PathPlan;
-use crate::scene::{self, LoadedScene, SceneDescription};
-use crate::stage::{self, StageRequest};
+use crate::scene::{self, CameraPath, LoadedScene, SceneDescription};
+use crate::stage::{self, StageOptions};
 
 /// Loads a scene; returns it with its name.
 pub(super) fn open_scene(path: &Path) -> Result<(LoadedScene, String), CliError> {
@@ -29,8 +29,7 @@ pub(super) fn read_map(path: &Path) -> Result<(FrontierMap, String), CliError> {
             path.display()
         ))
     })?;
-    let map = FrontierMap::from_ron(&text)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let map = FrontierMap::from_ron(&text).map_err(|error| CliError::in_file(path, error))?;
     Ok((map, text))
 }
 
@@ -42,9 +41,25 @@ pub(super) fn read_map_of(
 ) -> Result<FrontierMap, CliError> {
     let (map, _) = read_map(path)?;
     let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    map.matches_scene(&identity)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    map.matches_scene(&identity).map_err(|error| CliError::in_file(path, error))?;
     Ok(map)
+}
+
+/// The scene's path called `name`.
+pub(super) fn path_called<'s>(
+    scene: &'s SceneDescription,
+    name: &str,
+) -> Result<&'s CameraPath, CliError> {
+    scene.paths.get(name).ok_or_else(|| {
+        let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
+        let known = if known.is_empty() {
+            "it has none".to_owned()
+        } else {
+            let guess = did_you_mean(name, known.iter().copied());
+            format!("{guess}it has {}; name one of them with --path", known.join(", "))
+        };
+        CliError::usage(format!("{}: no path `{name}`: {known}", scene.source.display()))
+    })
 }
 
 /// The scene's path called `name`, at `fps` frames per second.
@@ -53,19 +68,7 @@ pub(super) fn plan_path(
     name: &str,
     fps: f64,
 ) -> Result<PathPlan, CliError> {
-    let Some(path) = scene.paths.get(name) else {
-        let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-        let known = if known.is_empty() {
-            "it has none".to_owned()
-        } else {
-            let guess = did_you_mean(name, known.iter().copied());
-            format!("{guess}it has {}; name one of them with --path", known.join(", "))
-        };
-        return Err(CliError::usage(format!(
-            "{}: no path `{name}`: {known}",
-            scene.source.display()
-        )));
-    };
+    let path = path_called(scene, name)?;
     PathPlan::along(name, path, fps).map_err(CliError::usage)
 }
 
@@ -80,27 +83,21 @@ pub(super) fn knobs(
     })
 }
 
-/// A stage of `scene` under the conditions of the arguments.
+/// Options of a stage of `scene` under the conditions of the arguments.
 pub(super) fn stage_for(
     scene: &LoadedScene,
     capture: &CaptureArguments,
-) -> Result<StageRequest, CliError> {
-    Ok(StageRequest {
-        scene: scene.source.clone(),
-        size: capture.image.size.to_array(),
-        frames_per_second: capture.image.fps,
-        knobs: Some(knobs(scene, capture)?),
-        meter: capture.meter.clone(),
-    })
+) -> Result<StageOptions, CliError> {
+    let (knobs, meter) = (Some(knobs(scene, capture)?), capture.meter.clone());
+    Ok(StageOptions { knobs, meter, ..capture.image.options() })
 }
 
 /// The same under the conditions of the map at `map_path`; `meter`: another than the map's.
 pub(super) fn stage_for_map(
-    scene: &LoadedScene,
     map: &FrontierMap,
     map_path: &Path,
     meter: Option<String>,
-) -> Result<StageRequest, CliError> {
+) -> Result<StageOptions, CliError> {
     let here = stage::every_knob()?;
     for knob in map.knobs.knobs() {
         let (path, name) = (map_path.display(), &knob.name);
@@ -119,11 +116,11 @@ pub(super) fn stage_for_map(
             Some(_) => {}
         }
     }
-    Ok(StageRequest {
-        scene: scene.source.clone(),
-        size: map.capture.size,
+    Ok(StageOptions {
+        size: map.capture.size.into(),
         frames_per_second: map.capture.frames_per_second,
         knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
         meter: meter.or_else(|| Some(map.meter.name.clone())),
+        ..Default::default()
     })
 }

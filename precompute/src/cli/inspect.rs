@@ -12,7 +12,7 @@ use crate::evaluate::PowerBudget;
 use crate::inspect::{
     CompareError, MapComparison, compare, comparison_table, presets, presets_table,
 };
-use crate::report::{MapSummary, Survey, map_report};
+use crate::report::{Survey, map_report};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -84,21 +84,14 @@ fn summarise(arguments: &Arguments) -> Result<(), CliError> {
         write(path, file.as_bytes())?;
     }
     if let Some(folder) = &arguments.report {
-        write_report(
-            folder,
-            &map_report(
-                &MapSummary::of(&map),
-                &[("file".to_owned(), arguments.map.display().to_string())],
-            )?,
-        )?;
+        write_report(folder, &map_report(&map, &[("file", arguments.map.display().to_string())])?)?;
     }
     Ok(())
 }
 
 /// The map's presets as a table and as a file.
 fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliError> {
-    let presets =
-        presets(map).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let presets = presets(map).map_err(|error| CliError::in_file(path, error))?;
     let file = presets.to_ron().map_err(CliError::failed)?;
     Ok((presets_table(&presets), file))
 }
@@ -170,7 +163,7 @@ fn compare_maps(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     }
     let (percent, tolerated) = (100.0 * comparison.change, format!("{:.2} %", 100.0 * tolerance));
     if rose {
-        return Err(CliError::Regressed(format!(
+        return Err(CliError::regressed(format!(
             "power at equal error rose by {percent:.2} %, more than the {tolerated} tolerated"
         )));
     }

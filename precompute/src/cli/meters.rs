@@ -1,10 +1,10 @@
 //! `frugal meters`: the power meters of this machine.
 
-use bevy_frugal_gi::power::{Provenance, meters, open};
+use bevy_frugal_gi::power::{meters, open};
 
 use super::CliError;
 use crate::cost::WORK_METER;
-use crate::meters::{Meter, Verdict, busy_cpu_load, self_test};
+use crate::meters::{Meter, busy_cpu_load, self_test};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {}
@@ -22,16 +22,19 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
             }
         };
         let info = meter.info();
-        let provenance = match info.provenance {
-            Provenance::Measured => "measured",
-            Provenance::Modelled => "modelled",
-        };
-        println!("  {provenance}: {}", info.description);
+        println!("  {}: {}", info.provenance, info.description);
         println!("  unit W, window {} s", meter.window_seconds());
         match self_test(&mut meter, &mut busy_cpu_load) {
             Ok(test) => {
                 println!("  idle {}, under CPU load {}", test.idle, test.loaded);
-                println!("  {}", said(test.verdict));
+                println!(
+                    "  {}",
+                    if test.responds {
+                        "works"
+                    } else {
+                        "does not respond to a load on the CPU, as a GPU's meter need not, and a battery's is slow"
+                    }
+                );
             }
             Err(error) => println!("  no reading\n  FAILED: {error}"),
         }
@@ -41,13 +44,4 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
         "  modelled: the work of each frame at fixed prices; the same in every run, whatever the machine does"
     );
     Ok(())
-}
-
-fn said(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Works => "works",
-        Verdict::Unresponsive => {
-            "does not respond to a load on the CPU, as a GPU's meter need not, and a battery's is slow"
-        }
-    }
 }

@@ -6,7 +6,6 @@
 mod arguments;
 mod calibrate;
 mod compare;
-mod error;
 mod evaluate;
 mod input;
 mod inspect;
@@ -20,11 +19,16 @@ mod reference;
 mod render;
 mod reprice;
 
+use std::fmt::Display;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use error::CliError;
+use crate::files::FileError;
+use crate::report::ReportError;
+use crate::scene::SceneError;
+use crate::stage::{RemoteError, StageError};
 
 /// Finds Pareto-optimal rendering settings in power and error for every camera of a scene.
 #[derive(Parser, Debug)]
@@ -89,7 +93,7 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("frugal: {error}");
-            ExitCode::from(error.status())
+            ExitCode::from(error.status)
         }
     }
 }
@@ -108,10 +112,69 @@ fn end_when_nobody_reads() {
     }));
 }
 
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+struct CliError {
+    /// The process's exit status.
+    status: u8,
+    message: String,
+}
+
+impl CliError {
+    /// Invalid arguments or input: nothing was written.
+    fn usage(error: impl ToString) -> Self {
+        Self { status: 2, message: error.to_string() }
+    }
+
+    /// The same in a file.
+    fn in_file(path: &Path, error: impl Display) -> Self {
+        Self::usage(format!("{}: {error}", path.display()))
+    }
+
+    /// The command failed after it had started.
+    fn failed(error: impl ToString) -> Self {
+        Self { status: 1, message: error.to_string() }
+    }
+
+    /// The command finished, and its check failed.
+    fn regressed(error: impl ToString) -> Self {
+        Self { status: 3, message: error.to_string() }
+    }
+}
+
+impl From<SceneError> for CliError {
+    fn from(error: SceneError) -> Self {
+        Self::usage(error)
+    }
+}
+
+impl From<StageError> for CliError {
+    fn from(error: StageError) -> Self {
+        if error.is_usage() { Self::usage(error) } else { Self::failed(error) }
+    }
+}
+
+impl From<RemoteError> for CliError {
+    fn from(error: RemoteError) -> Self {
+        if error.usage { Self::usage(error) } else { Self::failed(error) }
+    }
+}
+
+impl From<FileError> for CliError {
+    fn from(error: FileError) -> Self {
+        Self::failed(error)
+    }
+}
+
+impl From<ReportError> for CliError {
+    fn from(error: ReportError) -> Self {
+        Self::failed(error)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use clap::CommandFactory as _;
 
     use super::*;

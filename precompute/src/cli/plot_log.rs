@@ -23,8 +23,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = &arguments.log;
     let text = std::fs::read_to_string(path)
         .map_err(|error| CliError::usage(format!("cannot read {}: {error}", path.display())))?;
-    let samples = read_rows(&text)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let samples = read_rows(&text).map_err(|error| CliError::in_file(path, error))?;
     let logs = cameras(&samples);
     if logs.is_empty() {
         return Err(CliError::usage(format!(

@@ -50,8 +50,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         size: arguments.size.map(|size| size.to_array()),
         frames_per_second: arguments.fps,
     };
-    let repriced = reprice(&map, &to)
-        .map_err(|error| CliError::usage(format!("{}: {error}", arguments.map.display())))?;
+    let repriced = reprice(&map, &to).map_err(|error| CliError::in_file(&arguments.map, error))?;
     repriced.validate().map_err(|error| {
         CliError::usage(format!("{}: repriced, {error}", arguments.map.display()))
     })?;

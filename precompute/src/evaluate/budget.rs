@@ -6,31 +6,6 @@ use std::str::FromStr;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize};
 
-/// Errors of parsing a budget: invalid arguments, exit status 2.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum BudgetError {
-    /// Not a number with a unit.
-    #[error(
-        "`{0}` is not a power budget: write watts as `7W` or `7`, or a percentage between the lowest and the highest settings as `60%`"
-    )]
-    NotPower(String),
-    /// Watts that are not above 0 or not finite.
-    #[error("a power budget of `{0}` cannot be kept: it must be above 0 W and finite")]
-    PowerRange(String),
-    /// A percentage outside (0 %, 100 %].
-    #[error(
-        "a power budget of `{0}` is out of range: a percentage lies above 0% (the lowest settings) and at most at 100% (the highest)"
-    )]
-    ShareRange(String),
-    /// Not a number.
-    #[error("`{0}` is not an error budget: write a number such as `0.02`")]
-    NotError(String),
-    /// An error outside (0, 2].
-    #[error("an error budget of `{0}` is out of range: 1 − SSIM lies above 0 and at most at 2")]
-    ErrorRange(String),
-}
-
 /// A power limit as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum PowerBudget {
@@ -56,20 +31,21 @@ impl PowerBudget {
 }
 
 impl FromStr for PowerBudget {
-    type Err = BudgetError;
+    type Err = String;
 
     /// Reads `7W`, `7 W`, `7` or `60%`.
-    fn from_str(text: &str) -> Result<Self, BudgetError> {
-        let budget = Self::read(text).ok_or_else(|| BudgetError::NotPower(text.to_owned()))?;
-        // Written so that NaN fails.
-        let is_right = match budget {
-            Self::Power(watts) => watts.0 > 0.0 && watts.0.is_finite(),
-            Self::Share(share) => share > 0.0 && share <= 1.0,
-        };
-        match budget {
-            _ if is_right => Ok(budget),
-            Self::Power(_) => Err(BudgetError::PowerRange(text.to_owned())),
-            Self::Share(_) => Err(BudgetError::ShareRange(text.to_owned())),
+    fn from_str(text: &str) -> Result<Self, String> {
+        match Self::read(text) {
+            Some(Self::Power(watts)) if !(watts.0 > 0.0 && watts.0.is_finite()) => Err(format!(
+                "a power budget of `{text}` cannot be kept: it must be above 0 W and finite"
+            )),
+            Some(Self::Share(share)) if !(share > 0.0 && share <= 1.0) => Err(format!(
+                "a power budget of `{text}` is out of range: a percentage lies above 0% (the lowest settings) and at most at 100% (the highest)"
+            )),
+            Some(budget) => Ok(budget),
+            None => Err(format!(
+                "`{text}` is not a power budget: write watts as `7W` or `7`, or a percentage between the lowest and the highest settings as `60%`"
+            )),
         }
     }
 }
@@ -88,10 +64,14 @@ impl fmt::Display for PowerBudget {
 ///
 /// # Errors
 /// When the text is not a number in that range.
-pub(crate) fn parse_error_budget(text: &str) -> Result<f64, BudgetError> {
-    let number: f64 = text.trim().parse().map_err(|_| BudgetError::NotError(text.to_owned()))?;
-    let right = number > 0.0 && number <= 2.0;
-    if right { Ok(number) } else { Err(BudgetError::ErrorRange(text.to_owned())) }
+pub(crate) fn parse_error_budget(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number <= 2.0 => Ok(number),
+        Ok(_) => Err(format!(
+            "an error budget of `{text}` is out of range: 1 − SSIM lies above 0 and at most at 2"
+        )),
+        Err(_) => Err(format!("`{text}` is not an error budget: write a number such as `0.02`")),
+    }
 }
 
 /// A request for a limit on power, on error, on both, or on neither.
@@ -159,40 +139,37 @@ mod tests {
 
     #[test]
     fn malformed_budgets_are_refused_with_their_text() {
-        for text in ["", "W", "%", "seven", "7 kW", "7V", "-", "6 0%", "60%W"] {
-            assert_eq!(
-                text.parse::<PowerBudget>(),
-                Err(BudgetError::NotPower(text.to_owned())),
-                "{text}"
-            );
-        }
-        for text in ["0", "-1W", "nan", "NaN W", "inf", "-inf", "1e999", "0W", "-0"] {
-            assert_eq!(
-                text.parse::<PowerBudget>(),
-                Err(BudgetError::PowerRange(text.to_owned())),
-                "{text}"
-            );
-        }
-        for text in ["0%", "-5%", "101%", "nan%", "inf%"] {
-            assert_eq!(
-                text.parse::<PowerBudget>(),
-                Err(BudgetError::ShareRange(text.to_owned())),
-                "{text}"
-            );
-        }
-        for text in ["", "2%", "little"] {
-            assert_eq!(
-                parse_error_budget(text),
-                Err(BudgetError::NotError(text.to_owned())),
-                "{text}"
-            );
-        }
-        for text in ["0", "-0.1", "nan", "inf", "2.01"] {
-            assert_eq!(
-                parse_error_budget(text),
-                Err(BudgetError::ErrorRange(text.to_owned())),
-                "{text}"
-            );
+        let power = |text: &str| text.parse::<PowerBudget>().map(drop);
+        let error = |text: &str| parse_error_budget(text).map(drop);
+        type Parse<'a> = &'a dyn Fn(&str) -> Result<(), String>;
+        let cases: [(Parse<'_>, &str, &[&str]); 5] = [
+            (
+                &power,
+                "`{}` is not a power budget",
+                &["", "W", "%", "seven", "7 kW", "7V", "-", "6 0%", "60%W"],
+            ),
+            (
+                &power,
+                "a power budget of `{}` cannot be kept",
+                &["0", "-1W", "nan", "NaN W", "inf", "-inf", "1e999", "0W", "-0"],
+            ),
+            (
+                &power,
+                "a power budget of `{}` is out of range",
+                &["0%", "-5%", "101%", "nan%", "inf%"],
+            ),
+            (&error, "`{}` is not an error budget", &["", "2%", "little"]),
+            (
+                &error,
+                "an error budget of `{}` is out of range",
+                &["0", "-0.1", "nan", "inf", "2.01"],
+            ),
+        ];
+        for (parse, expected, texts) in cases {
+            for text in texts {
+                let refused = parse(text).expect_err(text);
+                assert!(refused.starts_with(&expected.replace("{}", text)), "{refused}");
+            }
         }
     }
 

@@ -31,7 +31,7 @@ impl RecordedPath {
         let path =
             scene.paths.get(name).ok_or_else(|| format!("the scene has no path `{name}`"))?;
         let fps = map.capture.frames_per_second;
-        let plan = PathPlan::along(name, path, fps).map_err(|error| error.to_string())?;
+        let plan = PathPlan::along(name, path, fps)?;
         let (_, lines) = read_journal(file)
             .map_err(|error| format!("{error}; `frugal evaluate --record` writes such a file"))?;
         let record = PathRecord::restore(&plan, &map.knobs, &lines);

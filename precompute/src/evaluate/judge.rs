@@ -8,9 +8,10 @@ use bevy_frugal_gi::units::Watts;
 
 use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle};
 use super::bootstrap::dominates;
+use super::result::mean_error;
 use super::{
-    BudgetRequest, Choice, Controlled, Controller, EvaluationResult, Fixed, FrameRecord,
-    PathRecord, Policy, Pose, PowerBudget, ResolvedBudget, RunResult,
+    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
+    Pose, PowerBudget, ResolvedBudget, RunResult,
 };
 use crate::default_settings::default_settings;
 
@@ -129,7 +130,7 @@ impl<'a> Trial<'a> {
             .collect();
         let result = |(name, series, note): Run| RunResult {
             note,
-            ..RunResult::new(name, series, &budget, &record.space).with_windows(&budget, fps)
+            ..RunResult::new(name, series, &budget, &record.space, fps)
         };
         let runs: Vec<RunResult> = runs.into_iter().map(result).collect();
         EvaluationResult {
@@ -249,9 +250,6 @@ fn oracles(
     control: ControlSettings,
 ) -> (Oracle, Vec<FrameRecord>) {
     let limit = budget.error.unwrap_or(f64::INFINITY);
-    let mean_error = |series: &[FrameRecord]| {
-        series.iter().map(|frame| frame.error).sum::<f64>() / series.len().max(1) as f64
-    };
     let plain = oracle(&record.table, budget, &mut |oracle| {
         mean_error(&record.simulate(&mut oracle.clone())) <= limit
     });
@@ -259,14 +257,14 @@ fn oracles(
         let mut oracle = oracle.clone();
         let mut filter = SettingsFilter::default();
         let times = control.times(&Budget::new(budget.power_w, budget.error));
-        record.simulate(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
+        record.simulate(&mut move |frame: usize, dt: f64, pose: &Pose| {
             let target = oracle.decide(frame, dt, pose).settings;
             Choice {
                 settings: filter.step(&record.space, target, dt, times),
                 target,
                 predicted: None,
             }
-        }))
+        })
     };
     let through =
         oracle(&record.table, budget, &mut |oracle| mean_error(&filtered(oracle)) <= limit);

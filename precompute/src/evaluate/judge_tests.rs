@@ -188,10 +188,9 @@ fn json_has_the_agreed_form_and_reads_back() {
         assert!(!json["runs"][0][key].is_null(), "{key}");
     }
     assert_eq!(json["runs"].as_array().unwrap().len(), 7);
-    let old = json.to_string().replace(TRAINED, "best-constant-elsewhere");
-    let back: EvaluationResult = serde_json::from_str(&old).unwrap();
+    let back: EvaluationResult = serde_json::from_value(json).unwrap();
     assert_eq!((back.runs[2].name.as_str(), back.runs[2].series.len()), ("max-mid", 0));
-    assert_eq!(back.runs[6].name, TRAINED, "by its former name, too");
+    assert_eq!(back.runs[6].name, TRAINED);
 }
 
 #[test]

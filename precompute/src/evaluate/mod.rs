@@ -38,7 +38,7 @@ pub use for_benches::{ReactiveLadder, RecordedPath};
 pub(crate) use judge::{Baselines, Trial, settings_to_record};
 pub(crate) use path_costs::{PathRecord, RecordError};
 pub(crate) use play::{
-    Choice, Controlled, EvaluationError, Fixed, FrameRecord, PathPlan, Policy, Pose, Progress,
+    Choice, EvaluationError, Fixed, FrameRecord, PathPlan, Policy, Pose, Progress,
 };
 pub(crate) use result::{Drift, EvaluationResult, RunResult};
-pub(crate) use table::{frames_csv, table};
+pub(crate) use table::{TABLE_HEADERS, frames_csv, table, table_row};

@@ -143,7 +143,7 @@ mod tests {
     use super::*;
     use crate::evaluate::fake::{Fake, path, space};
     use crate::evaluate::play::{Against, play};
-    use crate::evaluate::{Controlled, Fixed, Pose};
+    use crate::evaluate::{Fixed, Pose};
     use crate::journal::{Existing, Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
@@ -169,10 +169,10 @@ mod tests {
         let mut visited = Vec::new();
         // Low on the first half of the whole walk, then high.
         let frames = path().poses().len();
-        let mut policy = Controlled(|frame: usize, _: f64, _: &Pose| {
+        let mut policy = |frame: usize, _: f64, _: &Pose| {
             visited.push(frame);
             Choice::from(if visited.len() <= frames { low } else { high })
-        });
+        };
         let [there, back] = record.simulate_return(&mut policy);
         let walked: Vec<usize> = (0..frames).chain((0..frames).rev()).collect();
         assert_eq!(visited, walked);
@@ -205,10 +205,10 @@ mod tests {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let record = recorded(&[low]);
         let half = space().preset(0.5);
-        let mut transition = Controlled(|frame: usize, _: f64, _: &_| {
+        let mut transition = |frame: usize, _: f64, _: &Pose| {
             let settings = [high, half, low][frame.min(2)];
             Choice { settings, target: low, predicted: None }
-        });
+        };
         let series = record.simulate(&mut transition);
         assert!(series[1].power < series[0].power && series[1].power > series[2].power);
         assert!(series[1].error > series[0].error && series[1].error < series[2].error);

@@ -3,9 +3,8 @@
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
-use super::judge::TRAINED;
 use super::{FrameRecord, ResolvedBudget};
 use crate::quantile::quantile;
 
@@ -72,7 +71,6 @@ pub(crate) struct SpotCheck {
 pub(crate) struct RunResult {
     /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum`, `resolution-only` or the name of
     /// another [baseline](super::baselines).
-    #[serde(deserialize_with = "current_name")]
     pub name: String,
     /// Mean over the frames.
     pub mean_power_w: Watts,
@@ -162,50 +160,38 @@ impl RunResult {
         series: Vec<FrameRecord>,
         budget: &ResolvedBudget,
         space: &KnobSpace,
+        fps: f64,
     ) -> Self {
         let mut powers: Vec<f64> = series.iter().map(|frame| frame.power.0).collect();
         powers.sort_by(f64::total_cmp);
-        let mut result = Self {
+        let (mean_power_w, mean_error) = (mean_power(&series), mean_error(&series));
+        let switches =
+            series.windows(2).filter(|pair| pair[0].settings != pair[1].settings).count();
+        let constant = series.first().filter(|_| switches == 0);
+        let is_over = |frame: &&FrameRecord| !budget.keeps(frame.power, frame.error);
+        let second = (fps.round() as usize).clamp(1, series.len().max(1));
+        Self {
             name: name.to_owned(),
-            mean_power_w: mean_power(&series),
-            mean_error: mean_error(&series),
+            mean_power_w,
+            mean_error,
             max_error: max_error(&series),
-            frames_over_budget: 0,
-            switches: series.windows(2).filter(|pair| pair[0].settings != pair[1].settings).count(),
-            settings: None,
+            frames_over_budget: series.iter().filter(is_over).count(),
+            switches,
+            settings: constant.map(|frame| space.describe(frame.settings)),
             median_power_w: Watts(quantile(&powers, 0.5)),
-            p99_overshoot_w: None,
-            met: false,
-            windows_over: None,
+            p99_overshoot_w: budget
+                .power_w
+                .map(|limit| Watts((quantile(&powers, 0.99) - limit.0).max(0.0))),
+            met: budget.keeps(mean_power_w, mean_error),
+            windows_over: budget.power_w.map(|limit| {
+                let windows = series.windows(second);
+                let count = windows.len().max(1);
+                let over = windows.filter(|window| mean_power(window).0 > 1.02 * limit.0).count();
+                over as f64 / count as f64
+            }),
             note: None,
             series,
-        };
-        if result.switches == 0 {
-            result.settings = result.series.first().map(|frame| space.describe(frame.settings));
         }
-        result.judge(budget, &powers);
-        result
-    }
-
-    fn judge(&mut self, budget: &ResolvedBudget, sorted_powers: &[f64]) {
-        self.frames_over_budget =
-            self.series.iter().filter(|frame| !budget.keeps(frame.power, frame.error)).count();
-        self.p99_overshoot_w =
-            budget.power_w.map(|limit| Watts((quantile(sorted_powers, 0.99) - limit.0).max(0.0)));
-        self.met = budget.keeps(self.mean_power_w, self.mean_error);
-    }
-
-    /// Adds [`windows_over`](Self::windows_over).
-    #[must_use]
-    pub(super) fn with_windows(mut self, budget: &ResolvedBudget, fps: f64) -> Self {
-        let frames = (fps.round() as usize).clamp(1, self.series.len().max(1));
-        self.windows_over = budget.power_w.map(|limit| {
-            let windows = self.series.windows(frames);
-            let count = windows.len().max(1);
-            let over = windows.filter(|window| mean_power(window).0 > 1.02 * limit.0).count();
-            over as f64 / count as f64
-        });
-        self
     }
 }
 
@@ -224,12 +210,6 @@ fn max_error(series: &[FrameRecord]) -> f64 {
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len().max(1) as f64;
     values.sum::<f64>() / count
-}
-
-/// `trained-constant` was called `best-constant-elsewhere`.
-fn current_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
-    let name = String::deserialize(deserializer)?;
-    Ok(if name == "best-constant-elsewhere" { TRAINED.to_owned() } else { name })
 }
 
 /// Whole frame rates are written as integers: `30`.
@@ -257,7 +237,7 @@ mod tests {
         let series =
             vec![frame(0, 1.0, 0.0), frame(1, 3.0, 0.2), frame(1, 3.0, 0.0), frame(0, 5.0, 0.0)];
         let budget = ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1) };
-        let run = RunResult::new("frugal", series, &budget, &KnobSpace::default());
+        let run = RunResult::new("frugal", series, &budget, &KnobSpace::default(), 30.0);
         assert_eq!((run.mean_power_w, run.median_power_w), (Watts(3.0), Watts(3.0)));
         assert_eq!(
             (run.frames_over_budget, run.switches),
@@ -276,6 +256,7 @@ mod tests {
             vec![frame(0, 1.0, 2.0)],
             &ResolvedBudget::default(),
             &KnobSpace::default(),
+            30.0,
         );
         assert_eq!((run.frames_over_budget, run.p99_overshoot_w, run.met), (0, None, true));
         assert_eq!(run.settings.as_deref(), Some(""));

@@ -4,33 +4,36 @@ use std::fmt::Write as _;
 use std::io;
 
 use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::Provenance;
 
-use super::EvaluationResult;
+use super::{EvaluationResult, RunResult};
 
-const HEADERS: [&str; 8] =
+/// Heads of the columns of [`table`].
+pub(crate) const TABLE_HEADERS: [&str; 8] =
     ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
+
+/// The row of a run.
+pub(crate) fn table_row(run: &RunResult) -> [String; 8] {
+    [
+        run.name.clone(),
+        format!("{:.3}", run.mean_power_w.0),
+        format!("{:.3}", run.median_power_w.0),
+        format!("{:.4}", run.mean_error),
+        format!("{:.4}", run.max_error),
+        run.frames_over_budget.to_string(),
+        run.switches.to_string(),
+        if run.met { "yes" } else { "no" }.to_owned(),
+    ]
+}
 
 /// `result` as plain text; every line ends with a line break.
 pub(crate) fn table(result: &EvaluationResult) -> String {
-    let rows: Vec<[String; 8]> = result
-        .runs
-        .iter()
-        .map(|run| {
-            [
-                run.name.clone(),
-                format!("{:.3}", run.mean_power_w.0),
-                format!("{:.3}", run.median_power_w.0),
-                format!("{:.4}", run.mean_error),
-                format!("{:.4}", run.max_error),
-                run.frames_over_budget.to_string(),
-                run.switches.to_string(),
-                if run.met { "yes" } else { "no" }.to_owned(),
-            ]
-        })
-        .collect();
+    let rows: Vec<[String; 8]> = result.runs.iter().map(table_row).collect();
     let width = |column: usize| {
-        rows.iter().map(|row| row[column].len()).chain([HEADERS[column].len()]).max().unwrap_or(0)
+        rows.iter()
+            .map(|row| row[column].len())
+            .chain([TABLE_HEADERS[column].len()])
+            .max()
+            .unwrap_or(0)
     };
     let widths: [usize; 8] = std::array::from_fn(width);
     let line = |cells: &dyn Fn(usize) -> String| {
@@ -46,10 +49,7 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
         format!("{}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
     };
 
-    let how = match result.meter.provenance {
-        Provenance::Measured => "measured",
-        Provenance::Modelled => "modelled",
-    };
+    let how = &result.meter.provenance;
     let [pixels_wide, pixels_high] = result.size;
     let mut text = format!(
         "{}, path {}: {} frames at {} fps, {pixels_wide}×{pixels_high}. Power is {how} by {}. Budget: {}",
@@ -59,7 +59,7 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
         let _ = write!(text, " (power {:.3} W)", limit.0);
     }
     text.push_str(".\n\n");
-    text.push_str(&line(&|column| HEADERS[column].to_owned()));
+    text.push_str(&line(&|column| TABLE_HEADERS[column].to_owned()));
     text.push_str(&line(&|column| "-".repeat(widths[column])));
     for row in &rows {
         text.push_str(&line(&|column| row[column].clone()));
@@ -119,17 +119,9 @@ pub(crate) fn frames_csv(
     to: impl io::Write,
 ) -> Result<(), csv::Error> {
     let mut writer = csv::Writer::from_writer(to);
-    writer.write_record([
-        "run",
-        "frame",
-        "time_s",
-        "power_w",
-        "error",
-        "predicted_power_w",
-        "predicted_error",
-        "settings_bits",
-        "settings",
-    ])?;
+    let columns =
+        "run,frame,time_s,power_w,error,predicted_power_w,predicted_error,settings_bits,settings";
+    writer.write_record(columns.split(','))?;
     for run in &result.runs {
         for (number, frame) in run.series.iter().enumerate() {
             let predicted =

@@ -1,6 +1,6 @@
 //! Comparability of the watts and errors of two maps.
 
-use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapError, SceneIdentity};
+use bevy_frugal_gi::frontier::{Capture, FrontierMap};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 
@@ -8,58 +8,8 @@ use crate::device;
 
 /// Why two maps cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub(crate) enum CompareError {
-    /// A map that contradicts itself.
-    #[error("the {which} map: {source}")]
-    Broken {
-        /// `old` or `new`.
-        which: &'static str,
-        /// The cause.
-        source: FrontierMapError,
-    },
-    /// The scenes differ, or the scene has changed.
-    #[error(
-        "the maps are of different scenes, `{}` ({}) and `{}` ({}): run `frugal precompute` on one scene with both builds",
-        old.name, old.fingerprint, new.name, new.fingerprint
-    )]
-    OtherScene {
-        /// The old map's scene.
-        old: SceneIdentity,
-        /// The new map's scene.
-        new: SceneIdentity,
-    },
-    /// The knobs differ.
-    #[error(
-        "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
-    )]
-    OtherKnobs {
-        /// The first knobs that differ.
-        difference: String,
-    },
-    /// The capture conditions differ.
-    #[error("the maps differ in {what}, {old} and {new}: {remedy}")]
-    OtherCapture {
-        /// The condition.
-        what: &'static str,
-        /// The old map's value.
-        old: String,
-        /// The new map's value.
-        new: String,
-        /// The remedy.
-        remedy: &'static str,
-    },
-    /// The meters differ.
-    #[error(
-        "the maps' watts are of different meters, `{old}` and `{new}`: run `frugal precompute` with the same --meter for both"
-    )]
-    OtherMeter {
-        /// The old map's meter.
-        old: String,
-        /// The new map's meter.
-        new: String,
-    },
-    /// The watts are of two devices.
+    /// The watts are of two devices: the only reason that can be set aside.
     #[error(
         "the maps' watts are of two devices or models, `{old}` and `{new}`: run `frugal precompute` for both on one, or `frugal reprice` both with one file of --prices"
     )]
@@ -69,16 +19,14 @@ pub(crate) enum CompareError {
         /// The new map's meter and device.
         new: String,
     },
-    /// The frontiers have no common error level.
-    #[error(
-        "the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time"
-    )]
-    NothingInCommon {
-        /// The least error compared.
-        least: f64,
-        /// The greatest error compared.
-        most: f64,
-    },
+    /// Any other, with its remedy.
+    #[error("{0}")]
+    Other(String),
+}
+
+/// [`CompareError::Other`] with a text.
+pub(super) fn refuse<T>(reason: String) -> Result<T, CompareError> {
+    Err(CompareError::Other(reason))
 }
 
 /// Fails for two maps whose watts or errors are not comparable. `any_device`: watts of two devices or
@@ -88,54 +36,68 @@ pub(super) fn check(
     new: &FrontierMap,
     any_device: bool,
 ) -> Result<(), CompareError> {
-    old.validate().map_err(|source| CompareError::Broken { which: "old", source })?;
-    new.validate().map_err(|source| CompareError::Broken { which: "new", source })?;
+    for (which, map) in [("old", old), ("new", new)] {
+        if let Err(error) = map.validate() {
+            return refuse(format!("the {which} map: {error}"));
+        }
+    }
     if old.scene.fingerprint != new.scene.fingerprint {
-        return Err(CompareError::OtherScene { old: old.scene.clone(), new: new.scene.clone() });
+        let scene = |map: &FrontierMap| format!("`{}` ({})", map.scene.name, map.scene.fingerprint);
+        return refuse(format!(
+            "the maps are of different scenes, {} and {}: run `frugal precompute` on one scene with both builds",
+            scene(old),
+            scene(new)
+        ));
     }
     check_capture(old, new)?;
     if !same_meter(&old.meter, &new.meter) {
         let name =
             |meter: &MeterInfo| format!("{}, {:?}", meter.name, meter.provenance).to_lowercase();
-        return Err(CompareError::OtherMeter { old: name(&old.meter), new: name(&new.meter) });
+        return refuse(format!(
+            "the maps' watts are of different meters, `{}` and `{}`: run `frugal precompute` with the same --meter for both",
+            name(&old.meter),
+            name(&new.meter)
+        ));
     }
     if !any_device && !device::is_same(&old.meter, &new.meter) {
         let device = |meter: &MeterInfo| format!("{}: {}", meter.name, meter.description);
         return Err(CompareError::OtherDevice { old: device(&old.meter), new: device(&new.meter) });
     }
-    difference(&old.knobs, &new.knobs)
-        .map_or(Ok(()), |difference| Err(CompareError::OtherKnobs { difference }))
+    match difference(&old.knobs, &new.knobs) {
+        None => Ok(()),
+        Some(difference) => refuse(format!(
+            "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
+        )),
+    }
 }
 
 fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
-    let same = |what, old: String, new: String, remedy| {
-        if old == new { Ok(()) } else { Err(CompareError::OtherCapture { what, old, new, remedy }) }
+    let again = "run `frugal precompute` again for the older one";
+    let conditions = |map: &FrontierMap| {
+        let Capture { size: [width, height], frames_per_second, vertical_fov, exposure_ev100 } =
+            map.capture;
+        [
+            (
+                "size",
+                format!("{width}x{height}"),
+                "run `frugal precompute` with the same --size for both",
+            ),
+            (
+                "frame rate",
+                format!("{frames_per_second} Hz"),
+                "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them",
+            ),
+            ("field of view", format!("{vertical_fov} degrees"), again),
+            ("exposure", format!("EV {exposure_ev100}"), again),
+        ]
     };
-    let (old, new) = (&old.capture, &new.capture);
-    let size = |[width, height]: [u32; 2]| format!("{width}x{height}");
-    same(
-        "size",
-        size(old.size),
-        size(new.size),
-        "run `frugal precompute` with the same --size for both",
-    )?;
-    let rate = |fps: f64| format!("{fps} Hz");
-    let (old_rate, new_rate) = (rate(old.frames_per_second), rate(new.frames_per_second));
-    same(
-        "frame rate",
-        old_rate,
-        new_rate,
-        "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them",
-    )?;
-    let fov = |degrees: f32| format!("{degrees} degrees");
-    let remedy = "run `frugal precompute` again for the older one";
-    same("field of view", fov(old.vertical_fov), fov(new.vertical_fov), remedy)?;
-    same(
-        "exposure",
-        format!("EV {}", old.exposure_ev100),
-        format!("EV {}", new.exposure_ev100),
-        remedy,
-    )
+    let mut pairs = conditions(old).into_iter().zip(conditions(new));
+    match pairs.find(|(old, new)| old != new) {
+        None => Ok(()),
+        Some(((what, old, remedy), (_, new, _))) => {
+            refuse(format!("the maps differ in {what}, {old} and {new}: {remedy}"))
+        }
+    }
 }
 
 /// Whether two meters are of one kind.
@@ -176,7 +138,6 @@ fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::Capture;
     use bevy_frugal_gi::knobs::Knob;
     use bevy_frugal_gi::power::Provenance;
 
@@ -286,9 +247,7 @@ mod tests {
         assert!(refused(|map| map.work_prices.idle.0 = f64::NAN).contains("work_prices"));
         let mut old = map();
         old.thresholds.error = f64::NAN;
-        assert!(matches!(
-            check(&old, &map(), false),
-            Err(CompareError::Broken { which: "old", .. })
-        ));
+        let refused = check(&old, &map(), false).expect_err("NaN").to_string();
+        assert!(refused.starts_with("the old map: "), "{refused}");
     }
 }

@@ -11,7 +11,7 @@ use bevy_frugal_gi::frontier::{Frontier, FrontierMap, Octree, ViewDirection};
 use serde::Serialize;
 
 use super::CompareError;
-use super::comparable::check;
+use super::comparable::{check, refuse};
 
 /// Errors at which maps are compared: the range of error budgets.
 pub(super) const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
@@ -100,10 +100,12 @@ pub(crate) fn compare(
     let shared_change = mean_change(errors.iter().filter_map(|level| level.shared));
     let addresses_change = mean_change(errors.iter().filter_map(|level| level.addresses));
     let worse = [shared_change, addresses_change].into_iter().flatten().reduce(f64::max);
-    let change = worse.ok_or(CompareError::NothingInCommon {
-        least: ERRORS[0],
-        most: ERRORS[ERRORS.len() - 1],
-    })?;
+    let Some(change) = worse else {
+        let [least, .., most] = ERRORS;
+        return refuse(format!(
+            "the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time"
+        ));
+    };
     Ok(MapComparison { change, shared_change, addresses_change, idle_w, errors })
 }
 

@@ -5,9 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use bevy_frugal_gi::frontier::{
-    Capture, FrontierMap, FrontierMapError, FrontierPoint, SceneIdentity,
-};
+use bevy_frugal_gi::frontier::{Capture, FrontierMap, FrontierPoint, SceneIdentity};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
@@ -46,34 +44,6 @@ pub(crate) struct Preset {
     pub settings: BTreeMap<String, String>,
 }
 
-/// Why a map has no presets.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum PresetsError {
-    /// The map is inconsistent.
-    #[error(transparent)]
-    Broken(#[from] FrontierMapError),
-    /// The map is of an earlier version, or no camera sees the scene.
-    #[error("the map has no shared frontier to take presets from: run `frugal precompute` again")]
-    NoSharedFrontier,
-    /// An ambiguous label.
-    #[error(
-        "knob `{knob}` has two levels called `{label}`: give them labels of their own, then run `frugal precompute` again"
-    )]
-    AmbiguousLevel {
-        /// The knob.
-        knob: String,
-        /// The label.
-        label: String,
-    },
-    /// The serialiser failed.
-    #[error("presets cannot be written: {reason}")]
-    Unwritable {
-        /// Its message.
-        reason: String,
-    },
-}
-
 /// The presets of `map`.
 ///
 /// `ultra` has the least error. `battery` is the cheapest with an error of at most 0.05, or the
@@ -83,10 +53,12 @@ pub(crate) enum PresetsError {
 ///
 /// # Errors
 /// When the map is inconsistent, has no shared frontier, or has ambiguous labels.
-pub(crate) fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
-    map.validate()?;
+pub(crate) fn presets(map: &FrontierMap) -> Result<Presets, String> {
+    map.validate().map_err(|error| error.to_string())?;
     let points = map.shared.points();
-    let chosen = choose(points).ok_or(PresetsError::NoSharedFrontier)?;
+    let chosen = choose(points).ok_or(
+        "the map has no shared frontier to take presets from: run `frugal precompute` again",
+    )?;
     let preset = |(name, index): (&str, usize)| {
         let FrontierPoint { settings, cost } = points[index];
         Ok(Preset {
@@ -97,7 +69,7 @@ pub(crate) fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
         })
     };
     let presets =
-        PRESET_NAMES.into_iter().zip(chosen).map(preset).collect::<Result<_, PresetsError>>()?;
+        PRESET_NAMES.into_iter().zip(chosen).map(preset).collect::<Result<_, String>>()?;
     Ok(Presets {
         scene: map.scene.clone(),
         capture: map.capture,
@@ -111,10 +83,9 @@ impl Presets {
     ///
     /// # Errors
     /// When the serialiser fails, which it does not for these types.
-    pub(crate) fn to_ron(&self) -> Result<String, PresetsError> {
+    pub(crate) fn to_ron(&self) -> Result<String, String> {
         let text = ron::ser::to_string_pretty(self, ron::ser::PrettyConfig::new().new_line("\n"));
-        text.map(|text| text + "\n")
-            .map_err(|error| PresetsError::Unwritable { reason: error.to_string() })
+        text.map(|text| text + "\n").map_err(|error| format!("presets cannot be written: {error}"))
     }
 }
 
@@ -147,16 +118,18 @@ fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
 }
 
 /// The labels of `settings` by knob.
-fn labels(
-    space: &KnobSpace,
-    settings: KnobLevels,
-) -> Result<BTreeMap<String, String>, PresetsError> {
+fn labels(space: &KnobSpace, settings: KnobLevels) -> Result<BTreeMap<String, String>, String> {
     let pair = |(index, knob): (usize, &Knob)| {
         let label = &knob.levels.get(settings.level(index))?.label;
         let same = knob.levels.iter().filter(|level| level.label == *label).count();
-        let ambiguous =
-            || PresetsError::AmbiguousLevel { knob: knob.name.clone(), label: label.clone() };
-        Some(if same == 1 { Ok((knob.name.clone(), label.clone())) } else { Err(ambiguous()) })
+        Some(if same == 1 {
+            Ok((knob.name.clone(), label.clone()))
+        } else {
+            Err(format!(
+                "knob `{}` has two levels called `{label}`: give them labels of their own, then run `frugal precompute` again",
+                knob.name
+            ))
+        })
     };
     space.knobs().iter().enumerate().filter_map(pair).collect()
 }
@@ -269,7 +242,7 @@ mod tests {
 
     #[test]
     fn maps_without_presets_are_refused_with_a_reason() {
-        let error = presets(&of(&[])).expect_err("no frontier").to_string();
+        let error = presets(&of(&[])).expect_err("no frontier");
         assert!(
             error.contains("shared frontier") && error.contains("frugal precompute"),
             "{error}"
@@ -279,10 +252,11 @@ mod tests {
             Knob::new("scale", [0.5, 1.0]),
         ];
         let ambiguous = FrontierMap { knobs: KnobSpace::new(twice).expect("a space"), ..map() };
-        let error = presets(&ambiguous).expect_err("one label").to_string();
+        let error = presets(&ambiguous).expect_err("one label");
         assert!(error.contains("`samples`") && error.contains("`few`"), "{error}");
         let mut broken = map();
         broken.capture.frames_per_second = f64::NAN;
-        assert!(matches!(presets(&broken), Err(PresetsError::Broken(_))));
+        let reason = broken.validate().expect_err("NaN").to_string();
+        assert_eq!(presets(&broken), Err(reason));
     }
 }

@@ -22,7 +22,7 @@ use bevy_frugal_gi::power::{
 };
 use bevy_frugal_gi::units::{Joules, Watts};
 
-pub(crate) use self_test::{Verdict, busy_cpu_load, self_test};
+pub(crate) use self_test::{busy_cpu_load, self_test};
 
 /// A meter's windows are at most this long, whatever it says.
 const LONGEST_WINDOW_SECONDS: f64 = 60.0;

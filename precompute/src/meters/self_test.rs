@@ -26,17 +26,9 @@ pub(crate) struct SelfTest {
     pub idle: Watts,
     /// Mean power while the load ran, with the meter's idle power.
     pub loaded: Watts,
-    /// Whether it responds.
-    pub verdict: Verdict,
-}
-
-/// Whether a meter responds to the load.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
-    /// Power rises under load.
-    Works,
-    /// It does not: the meter does not cover the loaded device, or the machine was already busy.
-    Unresponsive,
+    /// Whether power rises under load. It does not where the meter does not cover the loaded device, or
+    /// the machine was already busy.
+    pub responds: bool,
 }
 
 /// Compares the power of `meter` in an idle and in a loaded window. `load` keeps the device busy for
@@ -57,9 +49,8 @@ pub(crate) fn self_test(
     if info.provenance == Provenance::Modelled && loaded.0 == 0.0 {
         return Err(MeterError::broken(info.name, "the counter did not move under load"));
     }
-    let is_answer = loaded.0 > idle.0 * RESPONSE_RATIO;
-    let verdict = if is_answer { Verdict::Works } else { Verdict::Unresponsive };
-    Ok(SelfTest { idle: meter.idle() + idle, loaded: meter.idle() + loaded, verdict })
+    let responds = loaded.0 > idle.0 * RESPONSE_RATIO;
+    Ok(SelfTest { idle: meter.idle() + idle, loaded: meter.idle() + loaded, responds })
 }
 
 /// Keeps one core busy with arithmetic for `duration`.
@@ -99,7 +90,7 @@ mod tests {
         // ten is enough.
         let mut meter = Meter::new(Box::new(CpuTimeMeter::default())).expect("no thread");
         let mut test = || self_test(&mut meter, &mut busy_cpu_load).expect("the clock");
-        let found = (0..10).map(|_| test()).find(|found| found.verdict == Verdict::Works);
+        let found = (0..10).map(|_| test()).find(|found| found.responds);
         let found = found.expect("a busy core draws more than a sleeping one");
         assert!(found.loaded > found.idle, "{found:?}");
     }

@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
-use super::{Color, Curve, Report, ReportError, Section, curves};
+use super::{Color, Curve, Fact, Report, ReportError, Section, curves, percent};
 use crate::control_log::{CameraLog, changes};
 
 /// Most points of a curve; a longer log is averaged.
@@ -26,86 +26,83 @@ pub(crate) fn heading(log: &CameraLog) -> String {
 }
 
 /// Figures of a log, with names.
-pub(crate) fn facts(log: &CameraLog) -> Vec<(String, String)> {
+pub(crate) fn facts(log: &CameraLog) -> Vec<Fact> {
     let number = |value: Option<f64>, unit: &str, decimals: usize| {
         value.map_or("unknown".to_owned(), |value| format!("{value:.decimals$}{unit}"))
     };
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let statuses: Vec<String> = log
         .statuses()
         .iter()
         .map(|(status, share)| format!("{status} {}", percent(*share)))
         .collect();
     let mut facts = vec![
-        ("Duration".to_owned(), format!("{:.1} s, {} samples", log.seconds(), log.samples.len())),
-        ("Status".to_owned(), statuses.join(", ")),
-        ("Predicted power".to_owned(), number(log.mean(|sample| sample.predicted_w), " W", 3)),
+        ("Duration", format!("{:.1} s, {} samples", log.seconds(), log.samples.len())),
+        ("Status", statuses.join(", ")),
+        ("Predicted power", number(log.mean(|sample| sample.predicted_w), " W", 3)),
     ];
     let meter =
         log.samples.iter().map(|sample| sample.meter.as_str()).find(|name| !name.is_empty());
     if let Some(meter) = meter {
         let metered = number(log.mean(|sample| sample.metered_w), " W", 3);
-        facts.push(("Metered power".to_owned(), format!("{metered} of the whole app, by {meter}")));
+        facts.push(("Metered power", format!("{metered} of the whole app, by {meter}")));
     }
     let (windows, over) = log.windows_over();
     if windows > 0 {
         let share = percent(over as f64 / windows as f64);
         facts.push((
-            "Over budget".to_owned(),
+            "Over budget",
             format!("{over} of {windows} windows of 1 s by more than 2 %: {share}"),
         ));
     }
-    facts.push((
-        "Predicted error".to_owned(),
-        number(log.mean(|sample| sample.predicted_error), "", 4),
-    ));
+    facts.push(("Predicted error", number(log.mean(|sample| sample.predicted_error), "", 4)));
     let measured: Vec<f64> =
         log.samples.iter().filter_map(|sample| sample.measured_error).collect();
     if !measured.is_empty() {
         let mean = measured.iter().sum::<f64>() / measured.len() as f64;
         facts.push((
-            "Measured error".to_owned(),
+            "Measured error",
             format!("{mean:.4}, mean of {} measurements", measured.len()),
         ));
     }
     if let Some(budget) = log.mean(|sample| sample.error_budget) {
-        facts.push(("Error budget".to_owned(), number(Some(budget), "", 4)));
+        facts.push(("Error budget", number(Some(budget), "", 4)));
     }
     let frame = number(log.mean(|sample| sample.frame_ms), " ms", 2);
     let longest = number(log.longest_frame_ms(), " ms", 1);
-    facts.push(("Frame time".to_owned(), format!("{frame}, at most {longest} after the first")));
-    facts.push(("Switches".to_owned(), number(log.switches_per_second(), " a second", 2)));
+    facts.push(("Frame time", format!("{frame}, at most {longest} after the first")));
+    facts.push(("Switches", number(log.switches_per_second(), " a second", 2)));
     facts
 }
 
 fn section(log: &CameraLog) -> Result<Section, ReportError> {
     let mut section = Section::new(&heading(log));
     section.facts(&facts(log));
-    let mut plots = Vec::new();
-    let metered = curve(log, Color::GREY, |sample| sample.metered_w);
-    let predicted = curve(log, Color::BLUE, |sample| sample.predicted_w);
-    let limits = limits(log, |sample| {
+    let plot = |name: &'static str, axis: &str, lines: Vec<Curve>| {
+        let drawn = || Ok((name, curves(name, ["time, s", axis], &lines, None)?));
+        (!lines.is_empty()).then(drawn)
+    };
+    let of = |color: Color, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value);
+    let power_limit = |sample: &ControlSample| {
         let own = sample.power_budget_w;
         [own, sample.app_budget_w].into_iter().flatten().reduce(f64::min)
-    });
-    let of_power: Vec<Curve> = predicted.into_iter().chain(limits).chain(metered).collect();
-    let axes = |value: &'static str| ["time, s", value];
-    if !of_power.is_empty() {
-        plots.push(("Power", curves("Power", axes("power, W"), &of_power, None)?));
-    }
-    let predicted = curve(log, Color::BLUE, |sample| sample.predicted_error);
-    let limits = self::limits(log, |sample| sample.error_budget);
-    let measured = curve(log, Color::GREY, |sample| sample.measured_error);
-    let of_error: Vec<Curve> = predicted.into_iter().chain(limits).chain(measured).collect();
-    if !of_error.is_empty() {
-        plots.push(("Error", curves("Error", axes("error, 1 − SSIM"), &of_error, None)?));
-    }
-    let mean = curve(log, Color::BLUE, |sample| sample.frame_ms);
-    let longest = curve(log, Color::GREY, |sample| sample.longest_frame_ms);
-    let of_time: Vec<Curve> = [mean, longest].into_iter().flatten().collect();
-    if !of_time.is_empty() {
-        plots.push(("Frame time", curves("Frame time", axes("frame, ms"), &of_time, None)?));
-    }
+    };
+    let power = of(Color::BLUE, |sample| sample.predicted_w)
+        .into_iter()
+        .chain(limits(log, power_limit))
+        .chain(of(Color::GREY, |sample| sample.metered_w));
+    let error = of(Color::BLUE, |sample| sample.predicted_error)
+        .into_iter()
+        .chain(limits(log, |sample| sample.error_budget))
+        .chain(of(Color::GREY, |sample| sample.measured_error));
+    let frame = of(Color::BLUE, |sample| sample.frame_ms)
+        .into_iter()
+        .chain(of(Color::GREY, |sample| sample.longest_frame_ms));
+    let plots = [
+        plot("Power", "power, W", power.collect()),
+        plot("Error", "error, 1 − SSIM", error.collect()),
+        plot("Frame time", "frame, ms", frame.collect()),
+    ];
+    let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, ReportError>>()?;
     if !plots.is_empty() {
         section.legend([
             ("predicted; mean frame", Color::BLUE),

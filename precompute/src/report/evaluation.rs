@@ -2,29 +2,28 @@
 
 use frugal_trace::metrics::Picture;
 
-use crate::evaluate::{EvaluationResult, FramePicture, FrameRecord, RunResult};
+use crate::evaluate::{
+    EvaluationResult, FramePicture, FrameRecord, RunResult, TABLE_HEADERS, table_row,
+};
 
-use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, provenance};
+use super::{Color, Curve, Fact, Report, ReportError, Section, curves, provenance};
 
-/// A page on `result`; `facts`: conditions of the figures (machine, device, date), `pictures` are
-/// frames with captions.
+/// A page on `result`, with `pictures` of frames.
 ///
 /// # Errors
 /// When a plot or an image fails.
 pub(crate) fn evaluation_report(
     result: &EvaluationResult,
-    pictures: &[(String, &Picture)],
-    facts: &[(String, String)],
+    pictures: &[FramePicture],
 ) -> Result<String, ReportError> {
     let mut report =
         Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
-    report.facts(facts);
-    report.section(evaluation_section(result, pictures)?);
+    report.section(evaluation_section(result, &captioned(result, pictures))?);
     Ok(report.render())
 }
 
 /// Images of an evaluation, captioned with run, frame and the frame's cost.
-pub(crate) fn captioned<'p>(
+fn captioned<'p>(
     result: &EvaluationResult,
     pictures: &'p [FramePicture],
 ) -> Vec<(String, &'p Picture)> {
@@ -44,9 +43,6 @@ fn evaluation_section(
 ) -> Result<Section, ReportError> {
     let mut section =
         Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
-    if let Some(summary) = summary(result) {
-        section.paragraph(&summary);
-    }
     section.paragraph(&format!(
         "{} Watts are power at the target frame rate. Error is 1 − SSIM of a frame against the same frame at the highest settings: 0 is equal.",
         provenance(&result.meter)
@@ -63,7 +59,10 @@ fn evaluation_section(
             .map(|(index, run)| (run.name.as_str(), color(index)))
             .chain(limit_entry(result)),
     );
-    section.plots(&plots(result)?);
+    let plots = plots(result)?;
+    if !plots.is_empty() {
+        section.plots(&plots);
+    }
     let (headers, rows) = table(result);
     section.table("Every run played the same frames.", &headers, &rows);
     for run in &result.runs {
@@ -87,58 +86,27 @@ fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
         .then_some(("budget (dashed)", Color::RED))
 }
 
-/// Summary of the controller's run and the baselines in two or three sentences.
-fn summary(result: &EvaluationResult) -> Option<String> {
-    let named = |name: &str| result.runs.iter().find(|run| run.name == name);
-    let frugal = named("frugal")?;
-    let mut text = format!(
-        "Under the budget, frugal took {:.2} W on average with a mean error of {:.4}, changed settings {} times, \
-         and exceeded the budget in {} of {} frames.",
-        frugal.mean_power_w.0,
-        frugal.mean_error,
-        frugal.switches,
-        frugal.frames_over_budget,
-        result.frames
-    );
-    if let Some(maximum) = named("maximum").filter(|run| run.mean_power_w.0 > 0.0) {
-        let share = 100.0 * frugal.mean_power_w.0 / maximum.mean_power_w.0;
-        text += &format!(
-            " That is {share:.0}% of the power of the highest settings, {:.2} W.",
-            maximum.mean_power_w.0
-        );
-    }
-    if let Some(baseline) = named("resolution-only") {
-        text += &format!(
-            " Scaling the resolution alone took {:.2} W with a mean error of {:.4}{}.",
-            baseline.mean_power_w.0,
-            baseline.mean_error,
-            if baseline.met { "" } else { ", and exceeded the budget" }
-        );
-    }
-    Some(text)
-}
-
-fn facts(result: &EvaluationResult) -> Vec<(String, String)> {
+fn facts(result: &EvaluationResult) -> Vec<Fact> {
     let [width, height] = result.size;
     let mut facts = vec![
-        ("Image size".to_owned(), format!("{width} × {height} pixels")),
-        ("Frames".to_owned(), format!("{} at {} per second", result.frames, result.fps)),
-        ("Requested budget".to_owned(), result.asked.clone()),
+        ("Image size", format!("{width} × {height} pixels")),
+        ("Frames", format!("{} at {} per second", result.frames, result.fps)),
+        ("Requested budget", result.asked.clone()),
     ];
     if let Some(power) = result.budget.power_w {
-        facts.push(("Power budget".to_owned(), format!("{:.3} W", power.0)));
+        facts.push(("Power budget", format!("{:.3} W", power.0)));
     }
     if let Some(error) = result.budget.error {
-        facts.push(("Error budget".to_owned(), error.to_string()));
+        facts.push(("Error budget", error.to_string()));
     }
     if let Some(check) = &result.spot_check {
         facts.push((
-            "The frugal run rendered".to_owned(),
+            "The frugal run rendered",
             format!("{:.3} W, error {:.4}", check.mean_power_w.0, check.mean_error),
         ));
         let drift = &result.drift;
         facts.push((
-            "Maximum played again after it".to_owned(),
+            "Maximum played again after it",
             format!(
                 "{:+.1}% power, mean error {:.5} against itself",
                 100.0 * drift.relative,
@@ -167,18 +135,6 @@ fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, Repor
             })
             .collect()
     };
-    let each = |value: fn(&RunResult) -> f64| -> Vec<Bar> {
-        result
-            .runs
-            .iter()
-            .enumerate()
-            .map(|(index, run)| Bar {
-                name: run.name.clone(),
-                value: value(run),
-                color: color(index),
-            })
-            .collect()
-    };
     let mut plots = Vec::new();
     if result.runs.iter().any(|run| !run.series.is_empty()) {
         let power = over_time(|frame| frame.power.0);
@@ -192,47 +148,19 @@ fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, Repor
             curves("Error along the path", ["time, s", "error, 1 − SSIM"], &error, budget.error)?,
         ));
     }
-    let power = each(|run| run.mean_power_w.0);
-    let error = each(|run| run.mean_error);
-    plots.push((
-        "Mean power of each run",
-        bars("Mean power of each run", "mean power, W", &power, 2, watts)?,
-    ));
-    plots.push((
-        "Mean error of each run",
-        bars("Mean error of each run", "mean error, 1 − SSIM", &error, 4, budget.error)?,
-    ));
     Ok(plots)
 }
 
+/// The columns of the printed table, and two more.
 fn table(result: &EvaluationResult) -> (Vec<&'static str>, Vec<Vec<String>>) {
-    let headers = vec![
-        "run",
-        "mean W",
-        "median W",
-        "99% over by, W",
-        "mean error",
-        "max error",
-        "frames over budget",
-        "switches",
-        "budget met",
-        "settings",
-    ];
     let row = |run: &RunResult| {
-        vec![
-            run.name.clone(),
-            format!("{:.3}", run.mean_power_w.0),
-            format!("{:.3}", run.median_power_w.0),
-            run.p99_overshoot_w.map_or("–".to_owned(), |watts| format!("{:.3}", watts.0)),
-            format!("{:.4}", run.mean_error),
-            format!("{:.4}", run.max_error),
-            run.frames_over_budget.to_string(),
-            run.switches.to_string(),
-            if run.met { "yes" } else { "no" }.to_owned(),
-            run.settings.as_ref().map_or("vary".to_owned(), |settings| settings.replace(',', ", ")),
-        ]
+        let over = run.p99_overshoot_w.map_or("–".to_owned(), |watts| format!("{:.3}", watts.0));
+        let settings =
+            run.settings.as_ref().map_or("vary".to_owned(), |settings| settings.replace(',', ", "));
+        table_row(run).into_iter().chain([over, settings]).collect()
     };
-    (headers, result.runs.iter().map(row).collect())
+    let headers = TABLE_HEADERS.into_iter().chain(["99% over by, W", "settings"]);
+    (headers.collect(), result.runs.iter().map(row).collect())
 }
 
 #[cfg(test)]
@@ -254,8 +182,7 @@ mod tests {
         let pictures = captioned(&result, &kept);
         let minimum = pictures.iter().find(|(caption, _)| caption.starts_with("minimum"));
         assert_eq!(minimum.unwrap().0, "minimum, frame 4: 1.01 W, error 0.1176");
-        let html =
-            evaluation_report(&result, &pictures, &[("Machine".into(), "a test".into())]).unwrap();
+        let html = evaluation_report(&result, &kept).unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
             "was not measured. It was computed by the model formula",
@@ -263,14 +190,13 @@ mod tests {
             "resolution-only",
             "10 at 5 per second",
             "16 × 12 pixels",
-            "a test",
         ] {
             assert!(html.contains(text), "{text}");
         }
-        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (4, 7));
+        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (2, 7));
         // Read back from JSON, an evaluation has no frames, and still a report.
         let json = serde_json::to_string(&result).unwrap();
-        let bare = evaluation_report(&serde_json::from_str(&json).unwrap(), &[], &[]).unwrap();
-        assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (2, 0));
+        let bare = evaluation_report(&serde_json::from_str(&json).unwrap(), &[]).unwrap();
+        assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (0, 0));
     }
 }

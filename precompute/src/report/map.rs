@@ -1,15 +1,12 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
 use bevy_frugal_gi::frontier::{Frontier, FrontierMap, Octree};
-use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
 use glam::Vec3;
 
 use super::plan::Plan;
 use super::{
-    Bar, Color, Curve, Report, ReportError, Section, Survey, bars, cloud, knob_table, provenance,
-    staircase,
+    Bar, Color, Curve, Fact, Report, ReportError, Section, Survey, bars, cloud, knob_table,
+    provenance, staircase,
 };
 
 /// Number of frontiers shown in full: the largest, the middle one, and the smallest.
@@ -19,59 +16,13 @@ const ROWS: usize = 30;
 /// Colour of corners in the plan at which every view has a frontier.
 const CORNER: Color = Color::BLUE;
 
-/// A map's metadata and octree.
-#[derive(Clone, Debug)]
-pub(crate) struct MapSummary<'a> {
-    /// The scene's name.
-    pub scene: &'a str,
-    /// The knobs that settings refer to.
-    pub space: &'a KnobSpace,
-    /// The octree.
-    pub octree: &'a Octree,
-    /// Lowest corner of the space of cameras, metres.
-    pub bounds_min: Vec3,
-    /// Highest corner of the space of cameras, metres.
-    pub bounds_max: Vec3,
-    /// The power meter.
-    pub meter: &'a MeterInfo,
-    /// Width and height of the images that were measured, pixels.
-    pub size: [u32; 2],
-    /// Target frame rate.
-    pub fps: f64,
-    /// Power threshold of subdivision, watts.
-    pub power_threshold: Watts,
-    /// Error threshold of subdivision, 1 − SSIM.
-    pub error_threshold: f64,
-}
-
-impl<'a> MapSummary<'a> {
-    /// Of a whole map.
-    pub(crate) fn of(map: &'a FrontierMap) -> Self {
-        Self {
-            scene: &map.scene.name,
-            space: &map.knobs,
-            octree: &map.octree,
-            bounds_min: Vec3::from_array(map.bounds.min),
-            bounds_max: Vec3::from_array(map.bounds.max),
-            meter: &map.meter,
-            size: map.capture.size,
-            fps: map.capture.frames_per_second,
-            power_threshold: Watts(map.thresholds.power_w),
-            error_threshold: map.thresholds.error,
-        }
-    }
-}
-
 /// A page on a map; `facts`: conditions of the map.
 ///
 /// # Errors
 /// When plotting fails.
-pub(crate) fn map_report(
-    summary: &MapSummary<'_>,
-    facts: &[(String, String)],
-) -> Result<String, ReportError> {
-    let mut report = Report::new(&format!("Frontier map of {}", summary.scene));
-    report.facts(facts).section(map_section(summary)?);
+pub(crate) fn map_report(map: &FrontierMap, facts: &[Fact]) -> Result<String, ReportError> {
+    let mut report = Report::new(&format!("Frontier map of {}", map.scene.name));
+    report.facts(facts).section(map_section(map)?);
     Ok(report.render())
 }
 
@@ -79,13 +30,13 @@ pub(crate) fn map_report(
 ///
 /// # Errors
 /// When plotting fails.
-pub(crate) fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
-    let (octree, survey) = (summary.octree, Survey::new(summary.octree));
-    let mut section = Section::new(&format!("{}: the frontier map", summary.scene));
+pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
+    let (octree, survey) = (&map.octree, Survey::new(&map.octree));
+    let mut section = Section::new(&format!("{}: the frontier map", map.scene.name));
     section.paragraph(&format!(
         "At every corner of the octree's leaves and for each of six views the map holds a Pareto frontier: the settings that are non-dominated in \
          power and error. {}",
-        provenance(summary.meter)
+        provenance(&map.meter)
     ));
     if survey.broken > 0 {
         section.warning(&format!(
@@ -93,7 +44,7 @@ pub(crate) fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportErr
             survey.broken
         ));
     }
-    section.facts(&facts(summary, &survey));
+    section.facts(&facts(map, &survey));
     let levels = survey.inner.iter().zip(&survey.leaves).enumerate();
     let rows: Vec<Vec<String>> = levels
         .map(|(level, (inner, leaves))| {
@@ -122,9 +73,9 @@ pub(crate) fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportErr
     section.plots(&[
         (
             "Seen from above, X to the right and Z down: outlines of leaves; corners, fainter where fewer of their views have a frontier",
-            plan(summary, &survey),
+            plan(map, &survey),
         ),
-        ("Numbers of settings of the frontiers", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0, None)?),
+        ("Numbers of settings of the frontiers", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0)?),
         ("The largest, the middle and the smallest frontier", cloud("Some frontiers", ["power, W", "error, 1 − SSIM"], &[], &lines)?),
     ]);
     section
@@ -132,7 +83,7 @@ pub(crate) fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportErr
     for ((_, frontier), name) in shown.iter().zip(&names) {
         section.heading(name);
         let points = &frontier.points()[..frontier.points().len().min(ROWS)];
-        let (headers, rows, shared) = knob_table(summary.space, points);
+        let (headers, rows, shared) = knob_table(&map.knobs, points);
         section.table("Cheapest first", &headers, &rows);
         if frontier.points().len() > ROWS {
             section.paragraph(&format!("… and {} more.", frontier.points().len() - ROWS));
@@ -144,39 +95,33 @@ pub(crate) fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportErr
     Ok(section)
 }
 
-fn facts(summary: &MapSummary<'_>, survey: &Survey) -> Vec<(String, String)> {
-    let (low, high, octree) = (summary.bounds_min, summary.bounds_max, summary.octree);
+fn facts(map: &FrontierMap, survey: &Survey) -> Vec<Fact> {
+    let ([low, high], octree) = (corners(map), &map.octree);
+    let [width, height] = map.capture.size;
     let settings: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let fact = |name: &str, value: String| (name.to_owned(), value);
     vec![
-        fact("Image size", format!("{} × {} pixels", summary.size[0], summary.size[1])),
-        fact("Target frame rate", format!("{} per second", summary.fps)),
-        fact(
+        ("Image size", format!("{width} × {height} pixels")),
+        ("Target frame rate", format!("{} per second", map.capture.frames_per_second)),
+        (
             "Cameras between",
             format!("({}, {}, {}) and ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z),
         ),
-        fact(
+        (
             "Subdivided above",
             format!(
                 "{} W or an error of {}",
-                rounded(summary.power_threshold.0),
-                rounded(summary.error_threshold)
+                rounded(map.thresholds.power_w),
+                rounded(map.thresholds.error)
             ),
         ),
-        fact("Leaves", survey.leaves.iter().sum::<usize>().to_string()),
-        fact("Corners", octree.corners.len().to_string()),
-        fact(
+        ("Leaves", survey.leaves.iter().sum::<usize>().to_string()),
+        ("Corners", octree.corners.len().to_string()),
+        (
             "Views with a frontier",
             format!("{} of {}", survey.known_views, 6 * octree.corners.len()),
         ),
-        fact(
-            "Different frontiers",
-            format!("{}, {settings} settings in all", octree.frontiers.len()),
-        ),
-        fact(
-            "Knobs",
-            format!("{}, {} combinations", summary.space.len(), summary.space.combinations()),
-        ),
+        ("Different frontiers", format!("{}, {settings} settings in all", octree.frontiers.len())),
+        ("Knobs", format!("{}, {} combinations", map.knobs.len(), map.knobs.combinations())),
     ]
 }
 
@@ -204,9 +149,9 @@ fn sizes(octree: &Octree) -> Vec<Bar> {
 }
 
 /// The octree from above: outlines of leaves, and corners.
-fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
-    let (low, high) = (summary.bounds_min, summary.bounds_max);
-    let step = (high - low) / (1u32 << summary.octree.levels.min(15)) as f32;
+fn plan(map: &FrontierMap, survey: &Survey) -> String {
+    let [low, high] = corners(map);
+    let step = (high - low) / (1u32 << map.octree.levels.min(15)) as f32;
     let at = |x: u32, z: u32| low + step * Vec3::new(x as f32, 0.0, z as f32);
     let mut plan = Plan::new("The octree from above", low, high);
     for &(x, z, edge) in &survey.squares {
@@ -219,6 +164,11 @@ fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
     plan.finish()
 }
 
+/// Lowest and highest corner of the space of cameras, metres.
+fn corners(map: &FrontierMap) -> [Vec3; 2] {
+    [map.bounds.min, map.bounds.max].map(Vec3::from_array)
+}
+
 /// Rounded to four decimals for display.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
@@ -226,10 +176,13 @@ fn rounded(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{Corner, CostPoint, FrontierPoint};
+    use bevy_frugal_gi::frontier::{
+        Bounds, Capture, Corner, CostPoint, FrontierPoint, SceneIdentity, Thresholds,
+    };
+    use bevy_frugal_gi::knobs::KnobSpace;
 
     use super::*;
-    use crate::evaluate::fake::{error, meter, power, space};
+    use crate::evaluate::fake::{error, power, space};
 
     fn octree() -> Octree {
         let space = space();
@@ -253,29 +206,21 @@ mod tests {
         }
     }
 
-    fn summary<'a>(
-        octree: &'a Octree,
-        space: &'a KnobSpace,
-        meter: &'a MeterInfo,
-    ) -> MapSummary<'a> {
-        MapSummary {
-            scene: "court",
-            space,
+    fn map(octree: Octree) -> FrontierMap {
+        let whole = crate::evaluate::fake::map(space());
+        FrontierMap {
+            scene: SceneIdentity { name: "court".into(), ..whole.scene },
+            capture: Capture { size: [320, 180], frames_per_second: 30.0, ..whole.capture },
+            thresholds: Thresholds { power_w: 0.5, error: 0.005 },
+            bounds: Bounds { min: [-8.0, 0.5, -4.0], max: [8.0, 6.0, 4.0] },
             octree,
-            bounds_min: Vec3::new(-8.0, 0.5, -4.0),
-            bounds_max: Vec3::new(8.0, 6.0, 4.0),
-            meter,
-            size: [320, 180],
-            fps: 30.0,
-            power_threshold: Watts(0.5),
-            error_threshold: 0.005,
+            ..whole
         }
     }
 
     #[test]
     fn a_map_is_described() {
-        let (octree, space, meter) = (octree(), space(), meter());
-        let html = map_report(&summary(&octree, &space, &meter), &[]).unwrap();
+        let html = map_report(&map(octree()), &[]).unwrap();
         for text in [
             "40 of 48",
             "(-8, 0.5, -4) and (8, 6, 4) m",
@@ -291,14 +236,13 @@ mod tests {
 
     #[test]
     fn empty_and_damaged_maps_are_described_too() {
-        let (space, meter) = (KnobSpace::default(), meter());
-        let empty = Octree::default();
-        assert!(map_report(&summary(&empty, &space, &meter), &[]).unwrap().contains("<svg "));
+        let empty = FrontierMap { knobs: KnobSpace::default(), ..map(Octree::default()) };
+        assert!(map_report(&empty, &[]).unwrap().contains("<svg "));
         let damaged = Octree { nodes: vec![7], ..octree() };
-        let flat = MapSummary {
-            bounds_min: Vec3::ZERO,
-            bounds_max: Vec3::ZERO,
-            ..summary(&damaged, &space, &meter)
+        let flat = FrontierMap {
+            knobs: KnobSpace::default(),
+            bounds: Bounds { min: [0.0; 3], max: [0.0; 3] },
+            ..map(damaged)
         };
         let html = map_report(&flat, &[]).unwrap();
         assert!(html.contains("damaged") && !html.contains("NaN") && !html.contains("inf\""));

@@ -25,8 +25,8 @@ mod survey;
 pub(crate) use control_log::{
     control_log_report, facts as control_log_facts, heading as control_log_heading,
 };
-pub(crate) use evaluation::{captioned, evaluation_report};
-pub(crate) use map::{MapSummary, map_report, map_section};
+pub(crate) use evaluation::evaluation_report;
+pub(crate) use map::{map_report, map_section};
 pub(crate) use page::{Report, Section, escape};
 pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
 pub(crate) use search::{SearchSummary, search_section};
@@ -46,6 +46,14 @@ pub(crate) enum ReportError {
     /// An image could not be encoded.
     #[error(transparent)]
     Picture(#[from] frugal_trace::metrics::PictureError),
+}
+
+/// A name and a value.
+pub(crate) type Fact = (&'static str, String);
+
+/// A share as a percentage.
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
 }
 
 /// Describes the power meter in a sentence.

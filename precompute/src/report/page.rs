@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use frugal_trace::metrics::Picture;
 
-use super::{Color, ReportError};
+use super::{Color, Fact, ReportError};
 
 /// Light and dark mode by the reader's preference; one column on a phone; wide elements scroll.
 const STYLE: &str = include_str!("style.css");
@@ -45,7 +45,7 @@ impl Report {
     }
 
     /// Names and values before the next section: the machine, the date, the device.
-    pub(crate) fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
+    pub(crate) fn facts(&mut self, facts: &[Fact]) -> &mut Self {
         self.body.push_str(&facts_html(facts));
         self
     }
@@ -116,7 +116,7 @@ impl Section {
     }
 
     /// Names and values.
-    pub(crate) fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
+    pub(crate) fn facts(&mut self, facts: &[Fact]) -> &mut Self {
         self.body.push_str(&facts_html(facts));
         self
     }
@@ -212,7 +212,7 @@ impl Section {
     }
 }
 
-fn facts_html(facts: &[(String, String)]) -> String {
+fn facts_html(facts: &[Fact]) -> String {
     let mut html = String::from("<dl>\n");
     for (name, value) in facts {
         let _ = writeln!(html, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
@@ -230,15 +230,11 @@ mod tests {
     #[test]
     fn texts_are_escaped() {
         let mut section = Section::new(NASTY);
-        section
-            .heading(NASTY)
-            .paragraph(NASTY)
-            .warning(NASTY)
-            .facts(&[(NASTY.into(), NASTY.into())]);
+        section.heading(NASTY).paragraph(NASTY).warning(NASTY).facts(&[(NASTY, NASTY.into())]);
         section.table(NASTY, &[NASTY], &[vec![NASTY.into()]]).legend([(NASTY, Color::BLUE)]);
         section.pictures(&[(NASTY.into(), &Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let mut report = Report::new(NASTY);
-        report.facts(&[(NASTY.into(), NASTY.into())]).section(section);
+        report.facts(&[(NASTY, NASTY.into())]).section(section);
         let html = report.render();
         assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
         assert_eq!(

@@ -153,8 +153,7 @@ pub(crate) fn curves(
     })
 }
 
-/// Horizontal bars from top to bottom, each with its value at its end, and a dashed line down where
-/// there is a `limit`.
+/// Horizontal bars from top to bottom, each with its value at its end.
 ///
 /// # Errors
 /// When plotting fails.
@@ -163,10 +162,9 @@ pub(crate) fn bars(
     axis: &str,
     bars: &[Bar],
     decimals: usize,
-    limit: Option<f64>,
 ) -> Result<String, ReportError> {
     let count = bars.len().max(1);
-    let (low, high) = range(bars.iter().map(|bar| bar.value).chain(limit).chain([0.0]), true);
+    let (low, high) = range(bars.iter().map(|bar| bar.value).chain([0.0]), true);
     // Room for the value at the end of the longest bar.
     let high = high + 0.14 * (high - low);
     let name = |row: &SegmentValue<usize>| match row {
@@ -195,11 +193,6 @@ pub(crate) fn bars(
             .y_label_formatter(&name)
             .draw()
             .map_err(failed)?;
-        if let Some(limit) = limit.filter(|limit| limit.is_finite()) {
-            let ends = [(limit, SegmentValue::Exact(0)), (limit, SegmentValue::Last)];
-            let style = Color::RED.rgb().stroke_width(2);
-            chart.draw_series(DashedLineSeries::new(ends, 7, 5, style)).map_err(failed)?;
-        }
         for (index, bar) in bars.iter().enumerate().filter(|(_, bar)| bar.value.is_finite()) {
             let row = count - 1 - index;
             let above = if index == 0 { SegmentValue::Last } else { SegmentValue::Exact(row + 1) };
@@ -342,8 +335,8 @@ mod tests {
             cloud("cloud", ["x", "y"], &[], &[]),
             curves("curves", ["x", "y"], &[line], Some(0.7)),
             curves("curves", ["x", "y"], &[], None),
-            bars("bars", "watts", &[bar(1.0), bar(f64::NAN), bar(0.0)], 2, Some(0.5)),
-            bars("bars", "watts", &[], 2, None),
+            bars("bars", "watts", &[bar(1.0), bar(f64::NAN), bar(0.0)], 2),
+            bars("bars", "watts", &[], 2),
         ];
         for drawing in drawings {
             let svg = drawing.unwrap();

@@ -45,7 +45,7 @@ pub use evaluator::StageEvaluator;
 pub(crate) use frame_renderer::{FrameRenderer, RenderedFrame};
 pub use frugal_trace::metrics::Radiance;
 pub use options::{Component, Output, StageOptions};
-pub(crate) use remote::{RemoteError, RemoteStage, StageRequest, serve};
+pub(crate) use remote::{RemoteError, RemoteStage, serve};
 pub use useful::every_knob;
 #[cfg(test)]
 pub(crate) use useful::knobs;

@@ -1,9 +1,10 @@
 //! Options of a stage: size, rate, the light that its images show, knobs and meter.
 
 use glam::UVec2;
+use serde::{Deserialize, Serialize};
 
 /// Format of the output.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Output {
     /// Display-referred: 8-bit sRGB, tone-mapped.
     #[default]
@@ -14,7 +15,7 @@ pub enum Output {
 }
 
 /// Component of the light in an image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub enum Component {
     /// All light.
     #[default]
@@ -31,7 +32,7 @@ pub enum Component {
 }
 
 /// Options of a stage.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageOptions {
     /// Width and height, pixels.
     pub size: UVec2,

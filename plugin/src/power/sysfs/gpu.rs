@@ -6,7 +6,7 @@
 //! card's contains, and none for integrated GPUs: RAPL covers those.
 
 use super::cards::{Card, choose};
-use super::files::{self, FileKind, Found, Quantity};
+use super::{FileKind, Found, Quantity, open as open_files};
 use crate::power::MeterError;
 use crate::power::adapter::vendor;
 use crate::power::kind::MeterKind;
@@ -23,14 +23,14 @@ pub(crate) const AMD: MeterKind = MeterKind {
     name: AMD_NAME,
     usage: "amdgpu[=CARD|=PCI ADDRESS]",
     expected: EXPECTED,
-    open: |root, wanted| files::open(&AMD_FILES, root, wanted),
+    open: |root, wanted| open_files(&AMD_FILES, root, wanted),
 };
 
 pub(crate) const INTEL: MeterKind = MeterKind {
     name: INTEL_NAME,
     usage: "intel-gpu[=CARD|=PCI ADDRESS]",
     expected: EXPECTED,
-    open: |root, wanted| files::open(&INTEL_FILES, root, wanted),
+    open: |root, wanted| open_files(&INTEL_FILES, root, wanted),
 };
 
 static AMD_FILES: FileKind = FileKind {

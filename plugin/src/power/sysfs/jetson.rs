@@ -11,11 +11,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::files::{self, FileKind, Found, Quantity};
-use crate::power::adapter::CPU_TIME_IS_BETTER;
+use super::{FileKind, Found, Quantity, open as open_files};
+use crate::power::MeterError;
 use crate::power::kind::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
-use crate::power::{Adapter, AdapterKind, MeterError};
 
 const NAME: &str = "jetson";
 /// Names of the input rail: Nano; Xavier NX, Orin NX and Nano, TX2; Xavier NX before; Thor; TX1;
@@ -33,7 +32,7 @@ pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "jetson[=RAIL]",
     expected: "the label of a rail, such as VDD_IN",
-    open: |root, wanted| files::open(&FILES, root, wanted),
+    open: |root, wanted| open_files(&FILES, root, wanted),
 };
 
 static FILES: FileKind = FileKind {
@@ -100,7 +99,7 @@ fn iio_devices(root: &SysRoot) -> Vec<PathBuf> {
 
 fn find(root: &SysRoot, wanted: Wanted) -> Result<Found, MeterError> {
     if let Wanted::For(adapter) = wanted {
-        suits(adapter)?;
+        adapter.is_part_of(NAME, "the module")?;
     }
     let rails = rails(root);
     if rails.is_empty() {
@@ -137,16 +136,4 @@ fn find(root: &SysRoot, wanted: Wanted) -> Result<Found, MeterError> {
         parts,
         card: None,
     })
-}
-
-fn suits(adapter: &Adapter) -> Result<(), MeterError> {
-    let reason = match adapter.kind {
-        AdapterKind::Hardware if adapter.is_integrated => return Ok(()),
-        AdapterKind::Hardware => "the GPU is not part of the module",
-        AdapterKind::Software => CPU_TIME_IS_BETTER,
-        AdapterKind::Unknown => {
-            "the adapter is not known to be part of the module; request it by name"
-        }
-    };
-    Err(MeterError::unavailable(NAME, reason))
 }

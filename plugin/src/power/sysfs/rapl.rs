@@ -5,11 +5,10 @@
 //! package (`core`, `uncore`), which the package contains. `intel-rapl-mmio:N` is the same package
 //! once more. Packages are added up, and nothing else.
 
-use super::files::{self, FileKind, Found, Quantity};
-use crate::power::adapter::CPU_TIME_IS_BETTER;
+use super::{FileKind, Found, Quantity, open as open_files};
+use crate::power::MeterError;
 use crate::power::kind::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
-use crate::power::{Adapter, AdapterKind, MeterError};
 
 const NAME: &str = "rapl";
 const FOLDER: &str = "sys/class/powercap";
@@ -18,7 +17,7 @@ pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "rapl[=package|=psys]",
     expected: "package or psys",
-    open: |root, wanted| files::open(&FILES, root, wanted),
+    open: |root, wanted| open_files(&FILES, root, wanted),
 };
 
 static FILES: FileKind = FileKind {
@@ -41,7 +40,7 @@ fn find(root: &SysRoot, wanted: Wanted) -> Result<Found, MeterError> {
             ));
         }
         Wanted::For(adapter) => {
-            suits(adapter)?;
+            adapter.is_part_of(NAME, "the processor's package")?;
             "package"
         }
     };
@@ -75,16 +74,4 @@ fn find(root: &SysRoot, wanted: Wanted) -> Result<Found, MeterError> {
         parts,
         card: None,
     })
-}
-
-fn suits(adapter: &Adapter) -> Result<(), MeterError> {
-    let reason = match adapter.kind {
-        AdapterKind::Hardware if adapter.is_integrated => return Ok(()),
-        AdapterKind::Hardware => "the GPU is not part of the processor's package",
-        AdapterKind::Software => CPU_TIME_IS_BETTER,
-        AdapterKind::Unknown => {
-            "the adapter is not known to be part of the processor's package; request it by name"
-        }
-    };
-    Err(MeterError::unavailable(NAME, reason))
 }

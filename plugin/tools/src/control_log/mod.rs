@@ -83,14 +83,6 @@ impl ControlLogPlugin {
     }
 }
 
-/// When the log is written.
-#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum ControlLogSystems {
-    /// In [`Last`]: the decisions of this frame, whose settings the next frame shows.
-    Sample,
-}
-
 impl Plugin for ControlLogPlugin {
     fn build(&self, app: &mut App) {
         // A browser has neither files nor threads.
@@ -100,7 +92,8 @@ impl Plugin for ControlLogPlugin {
         }
         let settings = self.clone();
         let start = move |mut commands: Commands| start(&mut commands, &settings);
-        let sample = sample.in_set(ControlLogSystems::Sample).run_if(resource_exists::<ControlLog>);
+        // In `Last`: the decisions of this frame, whose settings the next frame shows.
+        let sample = sample.run_if(resource_exists::<ControlLog>);
         app.add_systems(Startup, start.run_if(resource_exists::<Time<Real>>))
             .add_systems(Last, sample)
             .add_observer(count_switch);

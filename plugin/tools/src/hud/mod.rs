@@ -9,9 +9,10 @@
 mod log;
 mod panel;
 mod plot;
-mod show;
 mod text;
 mod wipe;
+
+use std::collections::HashSet;
 
 use bevy::camera::CameraOutputMode;
 use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
@@ -22,8 +23,9 @@ use bevy_frugal_gi::camera_copy::share_atmosphere;
 use bevy_frugal_gi::control::Selection;
 use bevy_frugal_gi::knobs::KnobSettings;
 
+use panel::Panel;
 pub use wipe::HudWipe;
-use wipe::WipeCamera;
+use wipe::{WipeCamera, WipeNode};
 
 /// Order of the HUD's own camera: after those of an app.
 const ORDER: isize = 10_000;
@@ -63,15 +65,6 @@ impl Default for HudSettings {
 #[reflect(Component, Default, Clone, Debug)]
 pub struct HudPart;
 
-/// When the HUD is written.
-#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum HudSystems {
-    /// In [`Update`]: the decisions shown are those of the frame before, whose settings this frame
-    /// shows.
-    Write,
-}
-
 impl Plugin for HudPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<HudSettings>()
@@ -81,17 +74,17 @@ impl Plugin for HudPlugin {
             .register_type::<HudSettings>()
             .register_type::<HudWipe>()
             .register_type::<HudPart>()
+            // The decisions shown are those of the frame before, whose settings this frame shows.
             .add_systems(
                 Update,
                 (
-                    show::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
-                    show::remove_panels.run_if(resource_changed::<HudSettings>),
-                    (show::spawn_panels, panel::write).chain().run_if(is_visible),
+                    toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
+                    remove_panels.run_if(resource_changed::<HudSettings>),
+                    (spawn_panels, panel::write).chain().run_if(is_visible),
                     wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
                     (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
                 )
-                    .chain()
-                    .in_set(HudSystems::Write),
+                    .chain(),
             )
             // A view's frustum follows from its transform.
             .add_systems(
@@ -144,6 +137,48 @@ fn spawn_camera(commands: &mut Commands) -> Entity {
 
 fn is_visible(settings: Res<HudSettings>) -> bool {
     settings.visible
+}
+
+/// Changes visibility where the key is pressed.
+fn toggle(keys: Res<ButtonInput<KeyCode>>, mut settings: ResMut<HudSettings>) {
+    if settings.key.is_some_and(|key| keys.just_pressed(key)) {
+        settings.visible = !settings.visible;
+    }
+}
+
+/// Panels, and the camera that draws them. Not the wipe, whose history would be lost.
+type HudOwn = (With<HudPart>, Without<WipeCamera>, Without<WipeNode>);
+
+/// Removes all of them. Where the HUD is visible, it is spawned again with the changed settings.
+fn remove_panels(mut commands: Commands, parts: Query<Entity, HudOwn>) {
+    for part in &parts {
+        commands.entity(part).despawn();
+    }
+}
+
+/// Gives every camera its panel, and removes the panels of cameras that are gone.
+fn spawn_panels(
+    mut commands: Commands,
+    ui_camera: UiCamera,
+    mut images: Option<ResMut<Assets<Image>>>,
+    cameras: Query<(Entity, &Camera), HasPanel>,
+    panels: Query<(Entity, &Panel)>,
+) {
+    let mut shown = HashSet::new();
+    for (entity, panel) in &panels {
+        let is_there = cameras.get(panel.camera).is_ok_and(|(_, camera)| camera.is_active);
+        if is_there {
+            shown.insert(panel.camera);
+        } else {
+            commands.entity(entity).despawn();
+        }
+    }
+    let mut drawn_by = None;
+    let is_new = |(entity, camera): &(Entity, &Camera)| camera.is_active && !shown.contains(entity);
+    for (camera, _) in cameras.iter().filter(is_new) {
+        let drawn_by = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
+        panel::spawn(&mut commands, images.as_deref_mut(), camera, drawn_by);
+    }
 }
 
 #[cfg(test)]

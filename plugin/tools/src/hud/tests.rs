@@ -192,7 +192,7 @@ fn a_wipe_shows_the_same_view_at_the_best_settings() {
     app.world_mut().entity_mut(camera).despawn();
     run(&mut app, 2);
     assert!(seconds(&mut app).is_empty());
-    let mut nodes = app.world_mut().query_filtered::<(), With<wipe::WipeNode>>();
+    let mut nodes = app.world_mut().query_filtered::<(), With<WipeNode>>();
     assert_eq!(nodes.iter(app.world()).count(), 0);
 }
 

@@ -96,14 +96,6 @@ impl CameraRecorderPlugin {
     }
 }
 
-/// When cameras are recorded.
-#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum RecordingSystems {
-    /// Part of `PostUpdate`, after cameras are updated and transforms are propagated.
-    Sample,
-}
-
 /// State of the running recorder, read-only for the app. Absent in a browser, and before `Startup`.
 #[derive(Resource)]
 pub struct CameraRecorder {
@@ -182,7 +174,6 @@ impl Plugin for CameraRecorderPlugin {
         let settings = self.clone();
         let start = move |mut commands: Commands| start(&mut commands, &settings);
         let sample = sample_cameras
-            .in_set(RecordingSystems::Sample)
             // Needs this frame's projections and camera transforms.
             .after(CameraUpdateSystems)
             .after(TransformSystems::Propagate)

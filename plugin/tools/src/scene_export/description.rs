@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use bevy::math::Vec3;
 use ron::ser::PrettyConfig;
 use serde::Serialize;
 
@@ -37,62 +36,50 @@ pub(super) enum LightData {
     },
 }
 
-/// A scene, but for its geometry.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct SceneData {
-    pub lights: Vec<LightData>,
-    /// Nits.
-    pub ambient: [f32; 3],
-    /// Whether the app has an environment map, which is not exported.
-    pub has_environment_map: bool,
-    pub exposure_ev100: f32,
-    /// Degrees.
-    pub vertical_fov: f32,
-    pub near: f32,
-    pub far: f32,
-    pub bounds: (Vec3, Vec3),
-    /// The first one is the path `tour`.
-    pub tours: Vec<Vec<Key>>,
-}
-
 /// The file, as the tool reads it.
 #[derive(Serialize)]
-struct SceneFile<'a> {
-    geometry: Geometry<'a>,
-    lights: &'a [LightData],
-    environment: Environment,
-    exposure_ev100: f32,
-    camera: Lens,
-    bounds: Bounds,
-    paths: BTreeMap<String, Vec<PathKey>>,
+pub(super) struct SceneFile {
+    pub geometry: Geometry,
+    pub lights: Vec<LightData>,
+    pub environment: Environment,
+    pub exposure_ev100: f32,
+    pub camera: Lens,
+    pub bounds: Bounds,
+    pub paths: BTreeMap<String, Vec<PathKey>>,
+    /// Whether the app has an environment map, which is not exported.
+    #[serde(skip)]
+    pub has_environment_map: bool,
 }
 
 #[derive(Serialize)]
-enum Geometry<'a> {
-    Gltf(&'a str),
+pub(super) enum Geometry {
+    /// A file beside this one.
+    Gltf(String),
 }
 
 #[derive(Serialize)]
-enum Environment {
+pub(super) enum Environment {
     None,
+    /// Nits.
     Constant([f32; 3]),
 }
 
 #[derive(Serialize)]
-struct Lens {
-    vertical_fov: f32,
-    near: f32,
-    far: f32,
+pub(super) struct Lens {
+    /// Degrees.
+    pub vertical_fov: f32,
+    pub near: f32,
+    pub far: f32,
 }
 
 #[derive(Serialize)]
-struct Bounds {
-    min: [f32; 3],
-    max: [f32; 3],
+pub(super) struct Bounds {
+    pub min: [f32; 3],
+    pub max: [f32; 3],
 }
 
 #[derive(Serialize)]
-struct PathKey {
+pub(super) struct PathKey {
     time: f32,
     position: [f32; 3],
     look_at: [f32; 3],
@@ -109,29 +96,21 @@ impl PathKey {
     }
 }
 
-impl SceneData {
-    /// The file's text, for geometry in `glb` beside it.
+/// The ways of cameras by name; the first one is the path `tour`.
+pub(super) fn paths(tours: &[Vec<Key>]) -> BTreeMap<String, Vec<PathKey>> {
+    let path = |(number, tour): (usize, &Vec<Key>)| {
+        let name = if number == 0 { "tour".into() } else { format!("camera-{}", number + 1) };
+        (name, tour.iter().map(PathKey::of).collect())
+    };
+    tours.iter().enumerate().filter(|(_, tour)| !tour.is_empty()).map(path).collect()
+}
+
+impl SceneFile {
+    /// The file's text.
     ///
     /// # Errors
     /// None that is known: the serializer's own.
-    pub(super) fn to_ron(&self, glb: &str) -> ron::Result<String> {
-        let path = |(number, tour): (usize, &Vec<Key>)| {
-            let name = if number == 0 { "tour".into() } else { format!("camera-{}", number + 1) };
-            (name, tour.iter().map(PathKey::of).collect())
-        };
-        let tours = self.tours.iter().enumerate().filter(|(_, tour)| !tour.is_empty());
-        let file = SceneFile {
-            geometry: Geometry::Gltf(glb),
-            lights: &self.lights,
-            environment: match self.ambient {
-                [0.0, 0.0, 0.0] => Environment::None,
-                ambient => Environment::Constant(ambient),
-            },
-            exposure_ev100: self.exposure_ev100,
-            camera: Lens { vertical_fov: self.vertical_fov, near: self.near, far: self.far },
-            bounds: Bounds { min: self.bounds.0.to_array(), max: self.bounds.1.to_array() },
-            paths: tours.map(path).collect(),
-        };
+    pub(super) fn to_ron(&self) -> ron::Result<String> {
         let mut text = String::from(
             "// Written by bevy_frugal_gi's SceneExportPlugin.\n\
              // bounds: where cameras go; narrow it to where players get.\n\
@@ -145,7 +124,7 @@ impl SceneData {
         }
         // Keys and lights take a line each.
         let layout = PrettyConfig::new().depth_limit(3).new_line("\n");
-        text.push_str(&ron::ser::to_string_pretty(&file, layout)?);
+        text.push_str(&ron::ser::to_string_pretty(self, layout)?);
         text.push('\n');
         Ok(text)
     }

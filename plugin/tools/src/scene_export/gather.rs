@@ -17,7 +17,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::Face;
 use image::ImageFormat;
 
-use super::description::{LightData, SceneData};
+use super::description::{Bounds, Environment, Geometry, Lens, LightData, SceneFile, paths};
 use super::glb::{GeometryData, Instance, MaterialData, MeshData};
 use super::tour::Key;
 use bevy_frugal_gi::gi::{FrugalGi, RsmView};
@@ -160,8 +160,13 @@ impl SceneQuery<'_, '_> {
         exposure.ev100
     }
 
-    /// All but the geometry.
-    pub(super) fn scene(&self, geometry: &GeometryData, tours: Vec<Vec<Key>>) -> SceneData {
+    /// The scene's file, for `geometry` in the file `glb` beside it.
+    pub(super) fn scene(
+        &self,
+        geometry: &GeometryData,
+        glb: String,
+        tours: &[Vec<Key>],
+    ) -> SceneFile {
         let camera = self.camera();
         let (vertical_fov, near, far) = match camera.as_ref().map(|view| view.3) {
             Some(Projection::Perspective(lens)) => (lens.fov.to_degrees(), lens.near, lens.far),
@@ -171,16 +176,18 @@ impl SceneQuery<'_, '_> {
             .as_ref()
             .and_then(|view| view.6.map(|own| (own.color, own.brightness)))
             .or_else(|| self.ambient.as_ref().map(|all| (all.color, all.brightness)));
-        SceneData {
+        SceneFile {
+            geometry: Geometry::Gltf(glb),
             lights: self.lights(),
-            ambient: ambient.map_or([0.0; 3], |(color, nits)| scaled(color, nits)),
-            has_environment_map: camera.is_some_and(|view| view.7),
+            environment: match ambient.map(|(color, nits)| scaled(color, nits)) {
+                None | Some([0.0, 0.0, 0.0]) => Environment::None,
+                Some(ambient) => Environment::Constant(ambient),
+            },
             exposure_ev100: self.exposure_ev100(),
-            vertical_fov,
-            near,
-            far,
-            bounds: bounds(geometry, &tours),
-            tours,
+            camera: Lens { vertical_fov, near, far },
+            bounds: bounds(geometry, tours),
+            paths: paths(tours),
+            has_environment_map: camera.is_some_and(|view| view.7),
         }
     }
 
@@ -312,7 +319,7 @@ fn png(image: &Image) -> Option<Vec<u8>> {
 }
 
 /// The box of geometry and cameras.
-fn bounds(geometry: &GeometryData, tours: &[Vec<Key>]) -> (Vec3, Vec3) {
+fn bounds(geometry: &GeometryData, tours: &[Vec<Key>]) -> Bounds {
     let corners = geometry.instances.iter().flat_map(|instance| {
         let mesh = &geometry.meshes[instance.mesh];
         mesh.positions
@@ -325,5 +332,5 @@ fn bounds(geometry: &GeometryData, tours: &[Vec<Key>]) -> (Vec3, Vec3) {
     let reduce = |pick: fn(Vec3, Vec3) -> Vec3| all.iter().copied().reduce(pick);
     // A floor alone has no height.
     let (min, max) = (reduce(Vec3::min).unwrap_or_default(), reduce(Vec3::max).unwrap_or_default());
-    (min, max.max(min + MARGIN))
+    Bounds { min: min.to_array(), max: max.max(min + MARGIN).to_array() }
 }

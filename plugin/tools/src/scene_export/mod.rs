@@ -124,10 +124,10 @@ fn write(export: &Export, shown: &SceneQuery) -> io::Result<String> {
     // The exported camera's is the path that `frugal` plays.
     let mut tours: Vec<&(Entity, Tour)> = export.tours.iter().collect();
     tours.sort_by_key(|(camera, _)| Some(*camera) != main);
-    let tours = tours.into_iter().map(|(_, tour)| tour.keys().to_vec()).collect();
-    let scene = shown.scene(&geometry, tours);
+    let tours: Vec<_> = tours.into_iter().map(|(_, tour)| tour.keys().to_vec()).collect();
     let name = geometry_file.file_name().unwrap_or_default().to_string_lossy();
-    let text = scene.to_ron(&name).map_err(io::Error::other)?;
+    let scene = shown.scene(&geometry, name.into_owned(), &tours);
+    let text = scene.to_ron().map_err(io::Error::other)?;
     replace(&geometry_file, &geometry.to_glb())?;
     replace(&export.file, text.as_bytes())?;
     Ok(format!(
@@ -135,7 +135,7 @@ fn write(export: &Export, shown: &SceneQuery) -> io::Result<String> {
         geometry.meshes.len(),
         geometry.instances.len(),
         scene.lights.len(),
-        scene.tours.len()
+        tours.len()
     ))
 }
 

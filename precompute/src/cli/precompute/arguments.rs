@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bevy_frugal_gi::knobs::did_you_mean;
 use bevy_frugal_gi::units::Watts;
+use clap::builder::RangedU64ValueParser;
 
 use super::super::CliError;
 use super::super::arguments::duration;
+use super::super::input::path_called;
 use crate::cameras::{TrackSample, recorded_tracks, tracks_of};
 use crate::evaluate::PowerBudget;
 use crate::pipeline::PipelineConfig;
@@ -33,7 +34,7 @@ pub(super) struct SearchArguments {
     #[command(flatten)]
     pub tracks: TrackArguments,
     /// Training cameras; further ones, a sixth of their number, calibrate error budgets
-    #[arg(long, value_name = "N", default_value_t = 96)]
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000))]
     pub training: usize,
     /// Power threshold for dividing a node: watts, or a share of the power range
     #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
@@ -43,7 +44,7 @@ pub(super) struct SearchArguments {
     #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
     pub error_threshold: f64,
     /// Greatest number of octree levels
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(0..=6))]
     pub levels: u8,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -82,15 +83,6 @@ impl SearchArguments {
                 self.error_threshold
             )));
         }
-        if self.levels > 6 {
-            return Err(CliError::usage(format!("--levels {}: must be 0 to 6", self.levels)));
-        }
-        if !(1..=100_000).contains(&self.training) {
-            return Err(CliError::usage(format!(
-                "--training {}: must be 1 to 100000",
-                self.training
-            )));
-        }
         Ok(())
     }
 
@@ -120,15 +112,7 @@ impl TrackArguments {
         }
         let mut paths = Vec::new();
         for name in &self.paths {
-            paths.push(scene.paths.get(name).ok_or_else(|| {
-                let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-                CliError::usage(format!(
-                    "{}: no path `{name}`: {}it has: {}",
-                    scene.source.display(),
-                    did_you_mean(name, known.iter().copied()),
-                    known.join(", ")
-                ))
-            })?);
+            paths.push(path_called(scene, name)?);
         }
         if self.paths.is_empty() {
             paths.extend(scene.paths.values());

@@ -11,14 +11,14 @@ use super::arguments::{
     CaptureArguments, WorkerArguments, check_outputs, check_report, write, write_report,
 };
 use super::input::{open_scene, stage_for};
-use super::journal::{JournalArguments, JournalUse, journal_path, other_journals};
-use crate::report::{MapSummary, Report, map_section, search_section};
+use super::journal::{JournalArguments, journal_path, other_journals};
+use crate::report::{Report, map_section, search_section};
 use crate::stage::RemoteStage;
 
 use arguments::SearchArguments;
 use arguments::shard;
 use outcome::print_outcome;
-use search::{SearchPlan, Searched, search};
+use search::{SearchPlan, search};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -62,13 +62,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         scene: &scene,
         name: &name,
         tracks: &tracks,
-        capture: &arguments.capture,
-        arguments: &arguments.search,
-        shard: arguments.shard.unwrap_or((0, 1)),
+        arguments,
         others: other_journals(&output, &journal),
         journal,
-        existing: arguments.journal.existing(),
-        of: JournalUse::Precompute,
     };
     plan.check_journal()?;
     let request = stage_for(&scene, &arguments.capture)?;
@@ -78,8 +74,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {name}"));
-        report.section(search_section(&searched.summary())?);
-        report.section(map_section(&MapSummary::of(&searched.map))?);
+        report.section(search_section(&searched)?);
+        report.section(map_section(&searched.map)?);
         write_report(folder, &report.render())?;
     }
     // The run is complete: its journal is not needed, but other shards read a shard's.

@@ -1,11 +1,11 @@
 //! The outcome of a search in words.
 
-use super::Searched;
 use crate::pipeline::{Extent, describe};
+use crate::report::SearchSummary;
 
 /// Prints effort, losses, size of the map and accuracy of its figures.
-pub(super) fn print_outcome(searched: &Searched) {
-    let Searched { map, outcome, cameras } = searched;
+pub(super) fn print_outcome(searched: &SearchSummary) {
+    let SearchSummary { map, outcome, cameras } = searched;
     let (made, seconds) = outcome.effort;
     println!(
         "{} renderings ({made} in this run, {seconds:.0} s) at {} training and {} calibration cameras; a pool of {} settings",

@@ -3,21 +3,20 @@
 use std::cell::LazyCell;
 use std::path::PathBuf;
 
-use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity};
+use bevy_frugal_gi::frontier::{Bounds, Capture, SceneIdentity};
 use bevy_frugal_gi::power::detect;
 
 use super::super::CliError;
-use super::super::arguments::CaptureArguments;
 use super::super::input::knobs;
 use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
 use super::super::progress::Progress;
-use super::SearchArguments;
+use super::{Arguments, SearchArguments};
 use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
 use crate::device;
-use crate::journal::{Existing, Journal, JournalHeader, hash};
+use crate::journal::{Journal, JournalHeader, hash};
 use crate::pipeline::{
-    self, CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, map_of, run as run_pipeline,
+    self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
 use crate::report::SearchSummary;
 use crate::scene::{LoadedScene, SceneDescription};
@@ -27,35 +26,16 @@ use crate::view_features::ViewDescriber;
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
 const MAX_CALIBRATION: usize = 24;
 
-/// A map and the outcome of its search.
-pub(super) struct Searched {
-    pub map: FrontierMap,
-    pub outcome: Outcome,
-    pub cameras: CameraSet,
-}
-
-impl Searched {
-    /// For the report.
-    pub(super) fn summary(&self) -> SearchSummary<'_> {
-        SearchSummary { map: &self.map, outcome: &self.outcome, cameras: &self.cameras }
-    }
-}
-
 /// What is searched, and which journal keeps it.
 pub(super) struct SearchPlan<'a> {
     pub scene: &'a LoadedScene,
     /// The scene's name.
     pub name: &'a str,
     pub tracks: &'a [Vec<TrackSample>],
-    pub capture: &'a CaptureArguments,
-    pub arguments: &'a SearchArguments,
-    /// The shard: its number, from 0, and the number of shards.
-    pub shard: (usize, usize),
+    pub arguments: &'a Arguments,
     pub journal: PathBuf,
     /// Journals of the same run, which are read.
     pub others: Vec<PathBuf>,
-    pub existing: Existing,
-    pub of: JournalUse,
 }
 
 impl SearchPlan<'_> {
@@ -65,23 +45,24 @@ impl SearchPlan<'_> {
             return Ok(());
         }
         let mut header = self.header()?;
-        let names = knobs(self.scene, self.capture)?;
+        let names = knobs(self.scene, &self.arguments.capture)?;
         // An unknown knob is the stage's to refuse, as is a machine without a meter.
         if let Ok(space) = stage::every_knob()?.subset(names.iter().map(String::as_str)) {
             header = header.with("list of knobs", names_of(&space));
         }
         let detected = || Some(detect(&stage::adapter()?).ok()?.info().name);
-        if let Some(meter) = self.capture.meter.clone().or_else(detected) {
+        if let Some(meter) = self.arguments.capture.meter.clone().or_else(detected) {
             header = header.with("meter", device::kind(&meter));
         }
-        Journal::check(&self.journal, &header, self.existing)
-            .map_err(|error| self.of.refused(&error))
+        Journal::check(&self.journal, &header, self.arguments.journal.existing())
+            .map_err(|error| JournalUse::Precompute.refused(&error))
     }
 
     fn capture(&self) -> Capture {
+        let image = &self.arguments.capture.image;
         Capture {
-            size: self.capture.image.size.to_array(),
-            frames_per_second: self.capture.image.fps,
+            size: image.size.to_array(),
+            frames_per_second: image.fps,
             vertical_fov: self.scene.camera.vertical_fov,
             exposure_ev100: self.scene.exposure_ev100,
         }
@@ -94,7 +75,7 @@ impl SearchPlan<'_> {
 
     /// The part of the journal's header that is known before anything is rendered.
     fn header(&self) -> Result<JournalHeader, CliError> {
-        let arguments = self.arguments;
+        let arguments = &self.arguments.search;
         let limit = arguments.time_limit.map(|limit| format!("{} s", limit.as_secs_f64()));
         let paths = &arguments.tracks.paths;
         let paths = if paths.is_empty() {
@@ -115,17 +96,22 @@ impl SearchPlan<'_> {
 }
 
 /// Samples cameras and runs the pipeline.
-pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<Searched, CliError> {
-    let SearchPlan { scene, tracks, arguments, of, .. } = *plan;
-    let config = arguments.config();
+pub(super) fn search(
+    stage: &mut RemoteStage,
+    plan: &SearchPlan<'_>,
+) -> Result<SearchSummary, CliError> {
+    let SearchPlan { scene, tracks, arguments, .. } = *plan;
+    let (existing, search) = (arguments.journal.existing(), &arguments.search);
+    let config = search.config();
     let space = stage.space().clone();
     let bounds = scene.camera_bounds();
-    let cameras = sample_cameras(stage, scene, tracks, arguments);
+    let cameras = sample_cameras(stage, scene, tracks, search);
     let (capture, identity) = (plan.capture(), plan.identity()?);
     let header = rendered_by(plan.header()?, &space, &stage.meter())?
         .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("configuration", format!("{:016x}", hash(&format!("{config:?}"))));
-    let journal = open_journal(&plan.journal, &header, plan.existing, of, &plan.others)?;
+    let journal =
+        open_journal(&plan.journal, &header, existing, JournalUse::Precompute, &plan.others)?;
     eprintln!(
         "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
         space.len(),
@@ -163,16 +149,16 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
         journal,
         cameras: &cameras,
         clip: (CLIP_FRAMES, capture.frames_per_second),
-        shard: plan.shard,
-        limit: arguments.time_limit,
+        shard: arguments.shard.unwrap_or((0, 1)),
+        limit: search.time_limit,
         report: &mut report,
     };
     let outcome = run_pipeline(&subject, &config, setup);
     drop(shown);
-    let outcome = outcome.map_err(|error| cli_error(error, scene, of))?;
+    let outcome = outcome.map_err(|error| cli_error(error, scene))?;
     let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter());
     map.validate().map_err(CliError::failed)?;
-    Ok(Searched { map, outcome, cameras })
+    Ok(SearchSummary { map, outcome, cameras })
 }
 
 /// Training cameras, and a sixth as many for calibration, up to [`MAX_CALIBRATION`].
@@ -196,16 +182,13 @@ fn sample_cameras(
     )
 }
 
-fn cli_error(
-    error: PipelineError<RemoteError>,
-    scene: &SceneDescription,
-    of: JournalUse,
-) -> CliError {
+fn cli_error(error: PipelineError<RemoteError>, scene: &SceneDescription) -> CliError {
+    let of = JournalUse::Precompute;
     match error {
         PipelineError::Interrupted => of.interrupted(),
         PipelineError::Journal(error) => of.failed(&error),
         PipelineError::NeedsOthers => of.needs_others(),
-        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
+        PipelineError::NoCameras => CliError::in_file(&scene.source, error),
         error => CliError::failed(error),
     }
 }

@@ -9,10 +9,106 @@
 //! | `oracle-filtered` | the same, through the controller's temporal filter |
 //! | `reactive` | meter readings of earlier frames |
 //! | `default` | none: `FrugalGi::default()`, all other knobs at their best |
-mod constant;
+
 mod oracle;
 mod reactive;
 
-pub(crate) use constant::{best_constant, best_on};
 pub(crate) use oracle::{Oracle, oracle};
 pub(crate) use reactive::{Reactive, ladder};
+
+use bevy_frugal_gi::frontier::{CostPoint, Frontier};
+use bevy_frugal_gi::knobs::KnobLevels;
+
+use crate::evaluate::ResolvedBudget;
+use crate::table::CostTable;
+
+/// The best settings for `budget` by their mean costs, among those known at every camera of
+/// `table`.
+///
+/// Under a power budget, the least mean error within it; under an error budget alone, the least
+/// mean power within it. Where no settings meet it, the nearest. `None` for a table without a
+/// complete column.
+pub(crate) fn best_constant(
+    table: &CostTable,
+    budget: &ResolvedBudget,
+) -> Option<(KnobLevels, CostPoint)> {
+    let means = table.settings().iter().enumerate();
+    best_of(
+        means.filter_map(|(column, settings)| {
+            Some((*settings, table.mean(column, 0..table.rows())?))
+        }),
+        budget,
+    )
+}
+
+/// The same among the points of `trained`: mean costs at other cameras.
+pub(crate) fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
+    let points = trained.points().iter().map(|point| (point.settings, point.cost));
+    best_of(points, budget).map(|(settings, _)| settings)
+}
+
+/// The same among arbitrary candidates.
+fn best_of(
+    candidates: impl IntoIterator<Item = (KnobLevels, CostPoint)>,
+    budget: &ResolvedBudget,
+) -> Option<(KnobLevels, CostPoint)> {
+    // Lexicographic: excess over the limit, then the objective.
+    let rank = |cost: CostPoint| match (budget.power_w, budget.error) {
+        (Some(power), _) => {
+            let over = (cost.power.0 - power.0).max(0.0);
+            [over, cost.error, cost.power.0]
+        }
+        (None, Some(error)) => [(cost.error - error).max(0.0), cost.power.0, cost.error],
+        (None, None) => [0.0, cost.error, cost.power.0],
+    };
+    let compare = |a: [f64; 3], b: [f64; 3]| {
+        a.iter().zip(&b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne())
+    };
+    candidates
+        .into_iter()
+        .min_by(|a, b| compare(rank(a.1), rank(b.1)).unwrap_or(std::cmp::Ordering::Equal))
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::units::Watts;
+
+    use super::*;
+
+    #[test]
+    fn the_best_within_the_budget_or_the_nearest_to_it() {
+        let mut table = CostTable::new(2);
+        let costs = [(1.0, 0.3), (2.0, 0.1), (3.0, 0.15), (4.0, 0.0)];
+        for (bits, (power, error)) in costs.into_iter().enumerate() {
+            for row in 0..2 {
+                // The means are the given costs: the two cameras deviate symmetrically.
+                let sign = if row == 0 { 1.0 } else { -1.0 };
+                table.set(
+                    row,
+                    KnobLevels::from_bits(bits as u128),
+                    CostPoint::new(power + 0.1 * sign, error * (1.0 + 0.5 * sign)),
+                );
+            }
+        }
+        table.set(0, KnobLevels::from_bits(9), CostPoint::new(0.1, 0.0));
+        let best = |power: Option<f64>, error| {
+            let budget = ResolvedBudget { power_w: power.map(Watts), error };
+            best_constant(&table, &budget).map(|(settings, _)| settings.bits())
+        };
+        assert_eq!(
+            best(Some(3.5), None),
+            Some(1),
+            "the third is dominated, the last is known at one camera only"
+        );
+        assert_eq!(best(Some(9.0), None), Some(3));
+        assert_eq!(
+            best(Some(0.5), None),
+            Some(0),
+            "the cheapest, where nothing is within the budget"
+        );
+        assert_eq!(best(None, Some(0.2)), Some(1));
+        assert_eq!(best(None, Some(0.0)), Some(3));
+        assert_eq!(best(None, None), Some(3));
+        assert_eq!(best_constant(&CostTable::new(1), &ResolvedBudget::default()), None);
+    }
+}

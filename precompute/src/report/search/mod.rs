@@ -1,38 +1,37 @@
 //! The section on a search: cameras and the settings selected there, costs, influence of knobs,
 //! regret at held-out cameras, calibration, effort.
 
-mod cameras;
 mod plots;
 
 use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap, FrontierPoint};
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use super::{ReportError, Section, knob_table};
+use super::{Fact, ReportError, Section, knob_table, percent};
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::pipeline::Outcome;
-use cameras::PLAN_BUDGET;
+use plots::PLAN_BUDGET;
 
 /// A finished search.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SearchSummary<'a> {
+#[derive(Debug)]
+pub(crate) struct SearchSummary {
     /// Its map.
-    pub map: &'a FrontierMap,
+    pub map: FrontierMap,
     /// Its outcome.
-    pub outcome: &'a Outcome,
+    pub outcome: Outcome,
     /// Its cameras.
-    pub cameras: &'a CameraSet,
+    pub cameras: CameraSet,
 }
 
 /// The section.
 ///
 /// # Errors
 /// When plotting fails.
-pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, ReportError> {
+pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportError> {
     let SearchSummary { map, outcome, .. } = summary;
     let mut section = Section::new(&format!("{}: the search", map.scene.name));
     section.facts(&facts(summary));
-    let (plan, legend) = cameras::plan(summary);
+    let (plan, legend) = plots::plan(summary);
     let (influence, without) = plots::influence(summary)?;
     section.plots(&[
         (
@@ -88,12 +87,11 @@ pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, Rep
     Ok(section)
 }
 
-fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
-    let outcome = summary.outcome;
+fn facts(summary: &SearchSummary) -> Vec<Fact> {
+    let outcome = &summary.outcome;
     let report = &outcome.fitted.report;
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let (made, seconds) = outcome.effort;
-    [
+    vec![
         (
             "Renderings",
             format!("{}, of them {made} in this run, {seconds:.0} s", outcome.renderings),
@@ -117,9 +115,6 @@ fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
         ("Errors in play, as a share of those of short clips", outcome.played.to_string()),
         ("Noise floor: the best settings rendered twice", format!("{:.4}", outcome.noise)),
     ]
-    .into_iter()
-    .map(|(name, value)| (name.to_owned(), value))
-    .collect()
 }
 
 /// Mean over the training cameras.
@@ -129,16 +124,14 @@ fn mean_cost(outcome: &Outcome, settings: KnobLevels) -> Option<CostPoint> {
 }
 
 /// The training cameras that were rendered, each with its row in the table.
-fn training_cameras<'a>(
-    summary: &SearchSummary<'a>,
-) -> impl Iterator<Item = (usize, &'a MovingCamera)> + use<'a> {
-    let (outcome, cameras) = (summary.outcome, summary.cameras);
+fn training_cameras(summary: &SearchSummary) -> impl Iterator<Item = (usize, &MovingCamera)> {
+    let (outcome, cameras) = (&summary.outcome, &summary.cameras);
     let cameras = outcome.training_cameras.iter().map(|camera| cameras.training.get(*camera));
     cameras.enumerate().filter_map(|(row, camera)| Some((row, camera?)))
 }
 
 /// The settings selected at the camera of `row`, by a frontier fitted without it.
-fn selected(summary: &SearchSummary<'_>, row: usize, budget: &Budget) -> Option<KnobLevels> {
+fn selected(summary: &SearchSummary, row: usize, budget: &Budget) -> Option<KnobLevels> {
     let price =
         budget.error.and_then(|error| ErrorPrice::of_budget(&summary.map.error_rates, error));
     Some(select(summary.outcome.fitted.held_out.get(row)?, budget, price)?.settings)
@@ -157,7 +150,8 @@ mod tests {
     fn a_search_is_described() {
         let (space, bounds, cameras, outcome) = searched();
         let map = map_of(&outcome, bounds, space);
-        let summary = SearchSummary { map: &map, outcome: &outcome, cameras: &cameras };
+        let counts = outcome.cameras;
+        let summary = SearchSummary { map, outcome, cameras };
         let mut report = Report::new("search");
         report.section(search_section(&summary).expect("a section"));
         let html = report.render();
@@ -171,10 +165,10 @@ mod tests {
             assert!(html.contains(text), "{text}");
         }
         // A wedge for each training camera, and a ring for each calibration camera.
-        assert_eq!(html.matches("<path d=\"M").count(), outcome.cameras[0]);
+        assert_eq!(html.matches("<path d=\"M").count(), counts[0]);
         assert_eq!(
             html.matches("fill=\"none\" stroke=\"currentColor\" opacity=\"0.6\"").count(),
-            outcome.cameras[1]
+            counts[1]
         );
         assert!(!html.contains("NaN") && !html.contains("inf\""));
     }
@@ -190,8 +184,7 @@ mod tests {
         outcome.error_rates.0.clear();
         outcome.stages.clear();
         let map = map_of(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
-        let cameras = CameraSet::default();
-        let summary = SearchSummary { map: &map, outcome: &outcome, cameras: &cameras };
+        let summary = SearchSummary { map, outcome, cameras: CameraSet::default() };
         let mut report = Report::new("search");
         report.section(search_section(&summary).expect("a section"));
         assert!(!report.render().contains("NaN"));

@@ -1,18 +1,66 @@
-//! Plots of a search: costs, influence of knobs, regret at held-out cameras, calibration.
+//! Plots of a search: cameras, costs, influence of knobs, regret at held-out cameras, calibration.
 
 use bevy_frugal_gi::control::{Budget, select};
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
-use super::{SearchSummary, selected, training_cameras};
+use super::{SearchSummary, mean_cost, selected, training_cameras};
+use crate::cameras::MovingCamera;
+use crate::report::plan::Plan;
 use crate::report::{Bar, Color, Curve, ReportError, bars, cloud, curves, staircase};
+
+/// The error budget under which settings are selected.
+pub(super) const PLAN_BUDGET: f64 = 0.02;
+/// Greatest number of settings with colours of their own.
+const COLORS: usize = Color::SERIES.len();
+
+/// Cameras from above, each a wedge in its direction, and the legend of their colours.
+pub(super) fn plan(summary: &SearchSummary) -> (String, Vec<(String, Color)>) {
+    let budget = Budget::error(PLAN_BUDGET);
+    let played: Vec<(MovingCamera, Option<KnobLevels>)> = training_cameras(summary)
+        .map(|(row, camera)| (*camera, selected(summary, row, &budget)))
+        .collect();
+    let mut counts: Vec<(KnobLevels, usize)> = Vec::new();
+    for settings in played.iter().filter_map(|(_, settings)| *settings) {
+        match counts.iter_mut().find(|(known, _)| *known == settings) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((settings, 1)),
+        }
+    }
+    counts.sort_by_key(|(settings, count)| (std::cmp::Reverse(*count), settings.bits()));
+    let color = |settings: Option<KnobLevels>| {
+        counts
+            .iter()
+            .take(COLORS)
+            .position(|(known, _)| Some(*known) == settings)
+            .map_or(Color::GREY, |rank| Color::SERIES[rank])
+    };
+    let legend = counts.iter().take(COLORS).enumerate().map(|(rank, (settings, count))| {
+        let power = mean_cost(&summary.outcome, *settings).map_or(f64::NAN, |cost| cost.power.0);
+        (format!("{power:.2} W, {count} cameras"), Color::SERIES[rank])
+    });
+    let mut legend: Vec<_> = legend.collect();
+    if counts.len() > COLORS {
+        legend.push(("other settings".to_owned(), Color::GREY));
+    }
+    let (min, max) = (summary.map.bounds.min, summary.map.bounds.max);
+    let mut plan = Plan::new("Cameras from above", min, max);
+    plan.outline(min, max);
+    for camera in summary.cameras.calibration.iter().take(summary.outcome.cameras[1]) {
+        plan.ring(camera.pose.position);
+    }
+    for (camera, settings) in &played {
+        plan.wedge(camera.pose.position, camera.pose.forward(), color(*settings));
+    }
+    (plan.finish(), legend)
+}
 
 /// Power budgets of the regret at held-out cameras, as shares of the range of power.
 const REGRET_BUDGETS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 
 /// Costs of the pool at every training camera, and the shared frontier.
-pub(super) fn costs(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
+pub(super) fn costs(summary: &SearchSummary) -> Result<String, ReportError> {
     let table = &summary.outcome.training;
     let points: Vec<(f64, f64)> = (0..table.settings().len())
         .flat_map(|column| table.known(column))
@@ -24,7 +72,7 @@ pub(super) fn costs(summary: &SearchSummary<'_>) -> Result<String, ReportError> 
 }
 
 /// A bar for each knob with effect, and the names of the others.
-pub(super) fn influence(summary: &SearchSummary<'_>) -> Result<(String, Vec<String>), ReportError> {
+pub(super) fn influence(summary: &SearchSummary) -> Result<(String, Vec<String>), ReportError> {
     let (space, screening) = (&summary.map.knobs, &summary.outcome.screening);
     let mut rows: Vec<Bar> = Vec::new();
     let mut without = Vec::new();
@@ -37,12 +85,12 @@ pub(super) fn influence(summary: &SearchSummary<'_>) -> Result<(String, Vec<Stri
         rows.push(Bar { name: knob.name.clone(), value, color: Color::BLUE });
     }
     rows.sort_by(|a, b| b.value.total_cmp(&a.value).then_with(|| a.name.cmp(&b.name)));
-    Ok((bars("Influence of knobs", "error, 1 − SSIM", &rows, 3, None)?, without))
+    Ok((bars("Influence of knobs", "error, 1 − SSIM", &rows, 3)?, without))
 }
 
 /// Mean error of two selections at held-out cameras over that of the best selection, by budget.
-pub(super) fn regret(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
-    let outcome = summary.outcome;
+pub(super) fn regret(summary: &SearchSummary) -> Result<String, ReportError> {
+    let outcome = &summary.outcome;
     let table = &outcome.training;
     let mut ours = Curve { color: Color::BLUE, width: 2, points: Vec::new() };
     let mut shared = Curve { color: Color::GREY, width: 2, points: Vec::new() };
@@ -84,7 +132,7 @@ pub(super) fn regret(summary: &SearchSummary<'_>) -> Result<String, ReportError>
 }
 
 /// Budgets, and the predicted errors that keep them.
-pub(super) fn calibration(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
+pub(super) fn calibration(summary: &SearchSummary) -> Result<String, ReportError> {
     let known = summary.map.error_rates.0.iter();
     let points: Vec<(f64, f64)> =
         known.filter_map(|rate| Some((rate.budget, rate.predicted?))).collect();

@@ -11,17 +11,18 @@ use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use frugal_trace::scene::CameraPose;
 
-use super::process::{Opened, RemoteError, StageProcess};
-use super::protocol::StageRequest;
+use super::process::{RemoteError, StageProcess};
+use super::{Opened, Request};
 use crate::device::on_this_machine;
 use crate::scene::SceneDescription;
-use crate::stage::{FrameRenderer, RenderedFrame};
+use crate::stage::StageOptions;
 use crate::table::{Batch, Measure, Measured};
 
 /// A stage in a child process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {
     /// At least one.
     processes: Vec<StageProcess>,
+    size: [u32; 2],
     space: KnobSpace,
     meter: MeterInfo,
     idle: Watts,
@@ -29,7 +30,7 @@ pub(crate) struct RemoteStage {
 }
 
 impl RemoteStage {
-    /// Starts a child with `scene`, which was read from `request.scene`. Further ones, up to `workers`,
+    /// Starts a child with `scene`. Further ones, up to `workers`,
     /// start when they are warmed. They share the processor: a meter that reads the machine reads them
     /// all.
     ///
@@ -37,17 +38,20 @@ impl RemoteStage {
     /// When the child cannot be started, or its stage cannot be opened.
     pub(crate) fn open(
         scene: &SceneDescription,
-        request: StageRequest,
+        options: StageOptions,
         workers: NonZeroUsize,
     ) -> Result<Self, RemoteError> {
         let count = workers.get();
         let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let threads = (count > 1).then_some((cores / count).max(1));
+        let size = options.size.to_array();
+        let opening = Request::Open { scene: scene.source.clone(), options };
         let mut processes: Vec<_> =
-            (0..count).map(|_| StageProcess::new(request.clone(), threads)).collect();
+            (0..count).map(|_| StageProcess::new(opening.clone(), threads)).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
         Ok(Self {
             processes,
+            size,
             space,
             meter: on_this_machine(meter, crate::stage::adapter()),
             idle,
@@ -72,12 +76,12 @@ impl RemoteStage {
 
     /// Width and height, pixels.
     pub(crate) fn size(&self) -> [u32; 2] {
-        self.processes[0].request().size
+        self.size
     }
 
     /// Vertical field of view in radians, and width ÷ height.
     pub(crate) fn lens(&self) -> (f32, f32) {
-        let [width, height] = self.processes[0].request().size;
+        let [width, height] = self.size;
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
     }
 
@@ -177,28 +181,6 @@ fn split<'a>(
         parts.map(move |settings| (number, batch.clip.as_slice(), settings))
     };
     batches.iter().enumerate().flat_map(of_batch).collect()
-}
-
-/// In the first process.
-impl FrameRenderer for RemoteStage {
-    type Error = RemoteError;
-
-    fn begin_run(
-        &mut self,
-        name: &str,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<(), RemoteError> {
-        self.processes[0].begin_run(name, pose, settings)
-    }
-
-    fn render_frame(
-        &mut self,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<RenderedFrame, RemoteError> {
-        self.processes[0].render_frame(pose, settings)
-    }
 }
 
 #[cfg(test)]

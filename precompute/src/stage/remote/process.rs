@@ -4,13 +4,11 @@ use std::io::{BufReader, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use bevy_frugal_gi::knobs::KnobLevels;
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::CameraPose;
 
-use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
+use super::{Answer, Opened, Reply, Request, receive, send};
 use crate::stage::{FrameRenderer, RenderedFrame};
 
 /// Resident size above which a child is replaced, bytes. Well above a scene's own textures, well
@@ -60,16 +58,10 @@ impl Drop for Worker {
     }
 }
 
-/// What a child says of its stage.
-pub(super) struct Opened {
-    pub space: KnobSpace,
-    pub meter: MeterInfo,
-    pub idle: Watts,
-}
-
 /// A stage's child process, running or to be started.
 pub(crate) struct StageProcess {
-    request: StageRequest,
+    /// Opens its stage.
+    opening: Request,
     /// Threads of a software driver; `None`: as many as it likes.
     threads: Option<usize>,
     worker: Option<Worker>,
@@ -77,12 +69,8 @@ pub(crate) struct StageProcess {
 }
 
 impl StageProcess {
-    pub(super) fn new(request: StageRequest, threads: Option<usize>) -> Self {
-        Self { request, threads, worker: None, is_warm: false }
-    }
-
-    pub(super) fn request(&self) -> &StageRequest {
-        &self.request
+    pub(super) fn new(opening: Request, threads: Option<usize>) -> Self {
+        Self { opening, threads, worker: None, is_warm: false }
     }
 
     /// Every child, this and later ones, renders every level of every knob once before anything else.
@@ -107,8 +95,7 @@ impl StageProcess {
         clip: &[CameraPose],
         settings: KnobLevels,
     ) -> Result<CostPoint, RemoteError> {
-        let clip = clip.iter().map(|pose| (pose.position, pose.rotation)).collect();
-        match self.ask(&Request::Measure { clip, settings })? {
+        match self.ask(&Request::Measure { clip: clip.to_vec(), settings })? {
             (Answer::Cost(cost), _) => Ok(cost),
             (other, _) => Err(RemoteError::unexpected(&other)),
         }
@@ -138,8 +125,8 @@ impl StageProcess {
         };
         self.worker =
             Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
-        let opened = match self.exchange(&Request::Open(self.request.clone()))? {
-            (Answer::Opened { space, meter, idle }, _) => Opened { space, meter, idle },
+        let opened = match self.exchange(&self.opening.clone())? {
+            (Answer::Opened(opened), _) => opened,
             (other, _) => return Err(RemoteError::unexpected(&other)),
         };
         if self.is_warm {
@@ -177,8 +164,8 @@ impl StageProcess {
     /// Begins a run at the frame's pose in a fresh child, so that the frame does not pay for first
     /// use of resources.
     fn prepare(&mut self, request: &Request) -> Result<(), RemoteError> {
-        if let Request::Play { position, rotation, settings } = *request {
-            self.exchange(&Request::Begin { position, rotation, settings })?;
+        if let Request::Play { pose, settings } = *request {
+            self.exchange(&Request::Begin { pose, settings })?;
         }
         Ok(())
     }
@@ -230,8 +217,7 @@ impl FrameRenderer for StageProcess {
         pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<(), RemoteError> {
-        self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
-            .map(drop)
+        self.ask(&Request::Begin { pose: *pose, settings }).map(drop)
     }
 
     fn render_frame(
@@ -239,11 +225,7 @@ impl FrameRenderer for StageProcess {
         pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, RemoteError> {
-        match self.ask(&Request::Play {
-            position: pose.position,
-            rotation: pose.rotation,
-            settings,
-        })? {
+        match self.ask(&Request::Play { pose: *pose, settings })? {
             (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
             (other, _) => Err(RemoteError::unexpected(&other)),
         }

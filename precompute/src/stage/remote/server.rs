@@ -3,11 +3,10 @@
 use std::io::{self, Write};
 
 use frugal_trace::metrics::Picture;
-use frugal_trace::scene::CameraPose;
 
-use super::protocol::{Answer, Reply, Request, receive, send};
+use super::{Answer, Opened, Reply, Request, receive, send};
 use crate::scene;
-use crate::stage::{FrameRenderer, Stage, StageError, StageEvaluator, StageOptions};
+use crate::stage::{FrameRenderer, RenderedFrame, Stage, StageError, StageEvaluator};
 
 /// Answers the parent's requests until it closes the pipe.
 ///
@@ -40,20 +39,13 @@ fn answer(
     stage: &mut Option<StageEvaluator>,
     request: Request,
 ) -> Result<(Answer, Option<Picture>), StageError> {
-    if let Request::Open(request) = request {
-        let options = StageOptions {
-            size: request.size.into(),
-            frames_per_second: request.frames_per_second,
-            knobs: request.knobs,
-            meter: request.meter,
-            ..Default::default()
-        };
-        let mut opened = Stage::open(&scene::load(&request.scene)?, options)?;
-        let answer = Answer::Opened {
+    if let Request::Open { scene, options } = request {
+        let mut opened = Stage::open(&scene::load(&scene)?, options)?;
+        let answer = Answer::Opened(Opened {
             space: opened.space().as_ref().clone(),
             meter: opened.meter(),
             idle: opened.idle()?,
-        };
+        });
         *stage = Some(StageEvaluator::new(opened));
         return Ok((answer, None));
     }
@@ -61,26 +53,16 @@ fn answer(
         return Err(StageError::NotReady("no scene was opened".to_owned()));
     };
     match request {
-        Request::Open(_) => unreachable!("handled above"),
+        Request::Open { .. } => unreachable!("handled above"),
         Request::Warm => stage.stage().warm()?,
         Request::Measure { clip, settings } => {
-            let clip: Vec<CameraPose> = clip
-                .into_iter()
-                .map(|(position, rotation)| CameraPose { position, rotation })
-                .collect();
             return Ok((Answer::Cost(stage.measure(&clip, settings)?), None));
         }
-        Request::Begin { position, rotation, settings } => {
-            stage.stage().begin_run("", &CameraPose { position, rotation }, settings)?;
-        }
-        Request::Play { position, rotation, settings } => {
-            let rendered =
-                stage.stage().render_frame(&CameraPose { position, rotation }, settings)?;
-            let Picture { width, height, .. } = rendered.picture;
-            return Ok((
-                Answer::Frame { power: rendered.power, width, height },
-                Some(rendered.picture),
-            ));
+        Request::Begin { pose, settings } => stage.stage().begin_run("", &pose, settings)?,
+        Request::Play { pose, settings } => {
+            let RenderedFrame { picture, power } = stage.stage().render_frame(&pose, settings)?;
+            let (width, height) = (picture.width, picture.height);
+            return Ok((Answer::Frame { power, width, height }, Some(picture)));
         }
     }
     Ok((Answer::Done, None))

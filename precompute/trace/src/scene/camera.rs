@@ -3,7 +3,7 @@
 use glam::{Mat3, Quat, Vec3};
 
 /// A camera's position and rotation.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CameraPose {
     /// Metres.
     pub position: Vec3,
