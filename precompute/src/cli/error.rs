@@ -1,6 +1,7 @@
 //! Errors of commands, and their exit status.
 
-use crate::files::FileError;
+use frugal_search::files::FileError;
+
 use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::stage::{RemoteError, StageError};

@@ -1,10 +1,11 @@
 //! `frugal meters`: the power meters of this machine.
 
-use bevy_frugal_gi::power::{Provenance, meters, open};
+use bevy_frugal_gi::power::{meters, open};
+use frugal_core::power::Provenance;
 
 use super::CliError;
-use crate::cost::WORK_METER;
 use crate::meters::{Meter, Verdict, busy_cpu_load, self_test};
+use crate::work_meter::WORK_METER;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {}

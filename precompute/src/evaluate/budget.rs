@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use bevy_frugal_gi::units::Watts;
+use frugal_core::units::Watts;
 use serde::{Deserialize, Serialize};
 
 /// Errors of parsing a budget: invalid arguments, exit status 2.

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::io;
 
-use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::Provenance;
+use frugal_core::knobs::KnobSpace;
+use frugal_core::power::Provenance;
 
 use super::EvaluationResult;
 

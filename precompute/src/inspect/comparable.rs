@@ -1,8 +1,8 @@
 //! Comparability of the watts and errors of two maps.
 
-use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapError, SceneIdentity};
-use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::MeterInfo;
+use frugal_core::frontier::{FrontierMap, FrontierMapError, SceneIdentity};
+use frugal_core::knobs::KnobSpace;
+use frugal_core::power::MeterInfo;
 
 use crate::device;
 
@@ -176,9 +176,9 @@ fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::Capture;
-    use bevy_frugal_gi::knobs::Knob;
-    use bevy_frugal_gi::power::Provenance;
+    use frugal_core::frontier::Capture;
+    use frugal_core::knobs::Knob;
+    use frugal_core::power::Provenance;
 
     use super::super::testing::map;
     use super::*;

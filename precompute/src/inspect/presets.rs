@@ -5,11 +5,9 @@
 
 use std::collections::BTreeMap;
 
-use bevy_frugal_gi::frontier::{
-    Capture, FrontierMap, FrontierMapError, FrontierPoint, SceneIdentity,
-};
-use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::MeterInfo;
+use frugal_core::frontier::{Capture, FrontierMap, FrontierMapError, FrontierPoint, SceneIdentity};
+use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
+use frugal_core::power::MeterInfo;
 use serde::{Deserialize, Serialize};
 
 /// The presets, cheapest first.
@@ -163,7 +161,7 @@ fn labels(
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{CostPoint, Frontier};
+    use frugal_core::frontier::{CostPoint, Frontier};
 
     use super::super::testing::map;
     use super::*;

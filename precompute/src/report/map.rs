@@ -1,9 +1,9 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use bevy_frugal_gi::frontier::{Frontier, FrontierMap, Octree};
-use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::{Frontier, FrontierMap, Octree};
+use frugal_core::knobs::KnobSpace;
+use frugal_core::power::MeterInfo;
+use frugal_core::units::Watts;
 use glam::Vec3;
 
 use super::plan::Plan;
@@ -226,7 +226,7 @@ fn rounded(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{Corner, CostPoint, FrontierPoint};
+    use frugal_core::frontier::{Corner, CostPoint, FrontierPoint};
 
     use super::*;
     use crate::evaluate::fake::{error, meter, power, space};

@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bevy_frugal_gi::knobs::did_you_mean;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::knobs::did_you_mean;
+use frugal_core::units::Watts;
+use frugal_search::cameras::TrackSample;
+use frugal_search::pipeline::PipelineConfig;
 
 use super::super::CliError;
 use super::super::arguments::duration;
-use crate::cameras::{TrackSample, recorded_tracks, tracks_of};
 use crate::evaluate::PowerBudget;
-use crate::pipeline::PipelineConfig;
 use crate::scene::SceneDescription;
+use crate::subject::{recorded_tracks, tracks_of};
 
 /// Highest frame rate at which tracks are sampled, hertz.
 const FASTEST: f64 = 1000.0;

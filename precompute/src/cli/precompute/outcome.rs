@@ -1,7 +1,8 @@
 //! The outcome of a search in words.
 
+use frugal_search::pipeline::{Extent, describe};
+
 use super::Searched;
-use crate::pipeline::{Extent, describe};
 
 /// Prints effort, losses, size of the map and accuracy of its figures.
 pub(super) fn print_outcome(searched: &Searched) {

@@ -1,10 +1,10 @@
 //! The best single settings for a budget.
 
-use bevy_frugal_gi::frontier::{CostPoint, Frontier};
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::frontier::{CostPoint, Frontier};
+use frugal_core::knobs::KnobLevels;
+use frugal_search::table::CostTable;
 
 use crate::evaluate::ResolvedBudget;
-use crate::table::CostTable;
 
 /// The best settings for `budget` by their mean costs, among those known at every camera of
 /// `table`.
@@ -55,7 +55,7 @@ fn best_of(
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::units::Watts;
+    use frugal_core::units::Watts;
 
     use super::*;
 

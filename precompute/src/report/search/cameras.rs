@@ -1,10 +1,10 @@
 //! Cameras from above, and the settings that the controller selects at each.
 
-use bevy_frugal_gi::control::Budget;
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::control::Budget;
+use frugal_core::knobs::KnobLevels;
+use frugal_search::cameras::MovingCamera;
 
 use super::{SearchSummary, mean_cost, selected, training_cameras};
-use crate::cameras::MovingCamera;
 use crate::report::Color;
 use crate::report::plan::Plan;
 

@@ -1,9 +1,9 @@
 //! Plots of a search: costs, influence of knobs, regret at held-out cameras, calibration.
 
-use bevy_frugal_gi::control::{Budget, select};
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::control::{Budget, select};
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 
 use super::{SearchSummary, selected, training_cameras};
 use crate::report::{Bar, Color, Curve, ReportError, bars, cloud, curves, staircase};

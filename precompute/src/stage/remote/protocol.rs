@@ -3,10 +3,10 @@
 use std::io::{self, Read, Write};
 use std::path::PathBuf;
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::power::MeterInfo;
+use frugal_core::units::Watts;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
