@@ -2,7 +2,8 @@
 
 use bevy::app::App;
 use bevy_frugal_gi::gi::FrugalGi;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSpace};
+use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
+use frugal_core::knobs::{KnobLevels, KnobSpace};
 
 /// The levels nearest to `FrugalGi::default()`, and the best of every other knob.
 pub(crate) fn default_settings(space: &KnobSpace) -> KnobLevels {

@@ -1,8 +1,9 @@
 //! Which device watts are of: power that two devices draw does not compare, and does not mix.
 
-use bevy_frugal_gi::power::{Adapter, AdapterKind, MeterInfo};
+use bevy_frugal_gi::power::{Adapter, AdapterKind};
+use frugal_core::power::MeterInfo;
 
-use crate::cost::is_work_meter;
+use crate::work_meter::is_work_meter;
 
 /// Before the device in a meter's description.
 const ON: &str = "; on ";
@@ -133,7 +134,7 @@ fn without_numbers(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::power::Provenance;
+    use frugal_core::power::Provenance;
 
     use super::*;
 

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use frugal_search::files;
 use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
-use crate::cost::{WORK_METER, is_work_meter};
-use crate::files;
 use crate::stage::StageOptions;
+use crate::work_meter::{WORK_METER, is_work_meter};
 
 /// Conditions of images: size, frame rate and knobs.
 #[derive(Args, Debug, Clone)]

@@ -4,20 +4,19 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::frontier::WorkPrices;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::WorkPrices;
+use frugal_core::units::Watts;
+use frugal_search::cameras::{CameraMix, CameraSet};
+use frugal_search::cost::{CostModel, CostReading, DeviceModel, ReadingPlan, Work, work_prices};
+use frugal_search::pipeline::CLIP_FRAMES;
+use frugal_search::table::Measure as _;
 
 use super::CliError;
 use super::arguments::{CaptureArguments, check_outputs, duration, write};
 use super::input::{open_scene, stage_for};
 use super::progress::Progress;
-use crate::cameras::{CameraMix, CameraSet, tracks_of};
-use crate::cost::{
-    CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work, work_prices,
-};
-use crate::pipeline::CLIP_FRAMES;
 use crate::stage::RemoteStage;
-use crate::table::Measure as _;
+use crate::subject::{frame_layout, tracks_of};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -70,7 +69,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         )));
     }
     stage.warm()?;
-    let layout = FrameLayout::of(&scene, stage.size());
+    let layout = frame_layout(&scene, stage.size());
     let limit = arguments.time_limit;
     let shown = Progress::new(limit.as_secs(), "seconds of readings");
     // Measured apart: a fit would share it out among all work that every frame has.

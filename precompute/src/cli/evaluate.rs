@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bevy_frugal_gi::control::ControlSettings;
-use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
+use frugal_core::control::ControlSettings;
+use frugal_core::frontier::{FrontierMap, SceneIdentity};
+use frugal_search::journal::{Existing, Journal, JournalHeader, hash};
 
 use super::CliError;
 use super::arguments::{WorkerArguments, check_outputs, check_report, json, write, write_report};
@@ -17,7 +18,6 @@ use crate::evaluate::{
     Policy, PowerBudget, RecordError, Trial, frames_csv, parse_error_budget, pictures,
     play_for_real, settings_to_record, table,
 };
-use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 

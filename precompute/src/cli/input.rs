@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
-use bevy_frugal_gi::knobs::did_you_mean;
+use frugal_core::frontier::{FrontierMap, SceneIdentity};
+use frugal_core::knobs::did_you_mean;
 
 use super::CliError;
 use super::arguments::CaptureArguments;

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::frontier::FrontierMap;
+use frugal_core::frontier::FrontierMap;
 
 use super::CliError;
 use super::arguments::{check_outputs, check_report, json, write, write_report};

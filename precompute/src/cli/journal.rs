@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::frontier::{Capture, SceneIdentity};
-use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::MeterInfo;
+use frugal_core::frontier::{Capture, SceneIdentity};
+use frugal_core::knobs::KnobSpace;
+use frugal_core::power::MeterInfo;
+use frugal_search::journal::{Existing, Journal, JournalError, JournalHeader, hash, records_of};
 
 use super::CliError;
-use crate::cost::is_work_meter;
 use crate::device;
-use crate::journal::{Existing, Journal, JournalError, JournalHeader, hash, records_of};
 use crate::stage::adapter;
+use crate::work_meter::is_work_meter;
 
 /// What to do with the journal of an earlier run.
 #[derive(clap::Args, Debug, Clone, Copy)]
@@ -204,10 +204,10 @@ pub(super) fn open_journal(
 mod tests {
     use clap::CommandFactory as _;
 
-    use bevy_frugal_gi::power::Provenance;
+    use frugal_core::power::Provenance;
+    use frugal_search::files::FileError;
 
     use super::*;
-    use crate::files::FileError;
 
     fn header(name: &str, description: &str) -> JournalHeader {
         let meter = MeterInfo {

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
+use frugal_search::journal::{JournalError, merge_journals};
+
 use super::CliError;
 use super::arguments::check_outputs;
 use super::journal::whole_journal;
-use crate::journal::{JournalError, merge_journals};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {

@@ -3,8 +3,8 @@
 use bevy_frugal_gi::power::{meters, open};
 
 use super::CliError;
-use crate::cost::WORK_METER;
 use crate::meters::{Meter, busy_cpu_load, self_test};
+use crate::work_meter::WORK_METER;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {}

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use frugal_search::cost::{DeviceModel, NewConditions, reprice};
 use glam::UVec2;
 
 use super::CliError;
 use super::arguments::{check_outputs, size, write};
 use super::input::read_map;
-use crate::cost::{DeviceModel, NewConditions, reprice};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -55,7 +55,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         CliError::usage(format!("{}: repriced, {error}", arguments.map.display()))
     })?;
     write(output, repriced.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    let range = |map: &bevy_frugal_gi::frontier::FrontierMap| {
+    let range = |map: &frugal_core::frontier::FrontierMap| {
         let points = map.shared.points();
         points
             .first()

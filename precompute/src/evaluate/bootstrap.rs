@@ -45,8 +45,8 @@ pub(super) fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) ->
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::knobs::KnobLevels;
-    use bevy_frugal_gi::units::Watts;
+    use frugal_core::knobs::KnobLevels;
+    use frugal_core::units::Watts;
 
     use super::*;
 

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use bevy_frugal_gi::units::Watts;
+use frugal_core::units::Watts;
 use serde::{Deserialize, Serialize};
 
 /// A power limit as requested.

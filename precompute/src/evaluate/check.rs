@@ -3,7 +3,7 @@
 
 use std::ops::ControlFlow;
 
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::knobs::KnobLevels;
 use frugal_trace::metrics::{Picture, Reference};
 
 use super::play::{Against, play};

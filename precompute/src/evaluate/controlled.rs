@@ -1,11 +1,11 @@
 //! The plugin's controller as a policy, without an app.
 
-use bevy_frugal_gi::control::{
+use bevy_frugal_gi::error_meter::ErrorMeter;
+use frugal_core::control::{
     Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerCorrection,
 };
-use bevy_frugal_gi::error_meter::ErrorMeter;
-use bevy_frugal_gi::frontier::{CameraView, CostPoint, FrontierStore};
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::frontier::{CameraView, CostPoint, FrontierStore};
+use frugal_core::knobs::KnobLevels;
 
 use super::{Choice, Policy, Pose, ResolvedBudget};
 

@@ -2,14 +2,15 @@
 
 use std::ops::ControlFlow;
 
-use bevy_frugal_gi::control::ControlSettings;
-use bevy_frugal_gi::frontier::{
+use frugal_core::control::ControlSettings;
+use frugal_core::frontier::{
     Bounds, Capture, Corner, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree,
     SceneIdentity, Thresholds,
 };
-use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::{MeterInfo, Provenance};
-use bevy_frugal_gi::units::Watts;
+use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
+use frugal_core::power::{MeterInfo, Provenance};
+use frugal_core::units::Watts;
+use frugal_search::journal::{Existing, Journal, JournalHeader};
 use frugal_trace::metrics::Picture;
 use glam::{Quat, Vec3};
 
@@ -17,7 +18,6 @@ use super::{
     Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Pose, Trial,
     settings_to_record,
 };
-use crate::journal::{Existing, Journal, JournalHeader};
 use crate::stage::{FrameRenderer, RenderedFrame};
 
 /// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre

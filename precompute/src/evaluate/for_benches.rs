@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::{CostPoint, FrontierMap};
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
+use frugal_search::journal::read_journal;
 
 use super::baselines::{Reactive, best_constant, ladder};
 use super::{PathPlan, PathRecord, Policy, Pose, ResolvedBudget};
-use crate::journal::read_journal;
 use crate::scene::SceneDescription;
 
 /// Power and error of a map's settings at every frame of a path, as `frugal evaluate --record`

@@ -1,10 +1,10 @@
 //! Comparison of all policies under one budget, simulated from a record.
 
-use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter};
-use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::control::{Budget, ControlSettings, SettingsFilter};
+use frugal_core::frontier::{CostPoint, FrontierMap};
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::power::MeterInfo;
+use frugal_core::units::Watts;
 
 use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle};
 use super::bootstrap::dominates;

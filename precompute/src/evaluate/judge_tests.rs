@@ -2,8 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::{Frontier, FrontierPoint};
+use frugal_core::units::Watts;
 
 use super::*;
 use crate::evaluate::fake::{Fake, error, judged, map, path, power, recorded, space, trial};

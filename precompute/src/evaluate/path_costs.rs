@@ -6,13 +6,13 @@
 //! between the recorded ones before and after. The spot check of an
 //! [`EvaluationResult`](super::EvaluationResult) measures the difference with a rendered run.
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_search::journal::JournalError;
+use frugal_search::table::CostTable;
 
 use super::render_path::read_line;
 use super::{Choice, EvaluationError, FrameRecord, PathPlan, Policy};
-use crate::journal::JournalError;
-use crate::table::CostTable;
 
 /// Costs of settings at every frame of a path.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,11 +140,13 @@ const LEAST: f64 = 1e-4;
 mod tests {
     use std::ops::ControlFlow;
 
+    use frugal_search::journal::{Existing, Journal, JournalHeader};
+
     use super::*;
     use crate::evaluate::fake::{Fake, path, space};
     use crate::evaluate::play::{Against, play};
     use crate::evaluate::{Fixed, Pose};
-    use crate::journal::{Existing, Journal, JournalHeader};
+    use frugal_search::journal::{Existing, Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
         let folder = tempfile::tempdir().expect("a folder");

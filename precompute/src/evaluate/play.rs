@@ -2,9 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 use frugal_trace::metrics::{Reference, SsimError};
 
 use crate::scene::CameraPath;

@@ -4,14 +4,14 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_search::journal::{Journal, JournalError};
 use frugal_trace::metrics::Reference;
 
 use super::path_costs::RecordError;
 use super::play::{Against, play};
 use super::{EvaluationError, Fixed, FrameRecord, PathPlan, PathRecord, Progress};
-use crate::journal::{Journal, JournalError};
 use crate::stage::FrameRenderer;
 
 impl PathRecord {
@@ -144,9 +144,10 @@ pub(super) fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> 
 
 #[cfg(test)]
 mod tests {
+    use frugal_search::journal::{Existing, JournalHeader};
+
     use super::*;
     use crate::evaluate::fake::{Fake, path, space};
-    use crate::journal::{Existing, JournalHeader};
 
     #[test]
     fn an_interrupted_record_resumes_with_the_missing_settings() {

@@ -1,8 +1,8 @@
 //! Results of an evaluation, as `--json` writes them.
 
-use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::knobs::KnobSpace;
+use frugal_core::units::Watts;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{FrameRecord, ResolvedBudget};
@@ -223,7 +223,7 @@ fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok,
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::knobs::KnobLevels;
+    use frugal_core::knobs::KnobLevels;
 
     use super::*;
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::io;
 
-use bevy_frugal_gi::knobs::KnobSpace;
+use frugal_core::knobs::KnobSpace;
 
 use super::{EvaluationResult, RunResult};
 

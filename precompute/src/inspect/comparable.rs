@@ -1,8 +1,8 @@
 //! Comparability of the watts and errors of two maps.
 
-use bevy_frugal_gi::frontier::{Capture, FrontierMap};
-use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
+use frugal_core::frontier::{Capture, FrontierMap};
+use frugal_core::knobs::KnobSpace;
 
 use crate::device;
 
@@ -138,8 +138,8 @@ fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::knobs::Knob;
     use bevy_frugal_gi::power::Provenance;
+    use frugal_core::knobs::Knob;
 
     use super::super::testing::map;
     use super::*;

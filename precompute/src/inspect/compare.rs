@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use bevy_frugal_gi::frontier::{Frontier, FrontierMap, Octree, ViewDirection};
+use frugal_core::frontier::{Frontier, FrontierMap, Octree, ViewDirection};
 use serde::Serialize;
 
 use super::CompareError;

@@ -1,6 +1,6 @@
-use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::{CostPoint, FrontierPoint};
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 
 use super::super::testing::{frontier, map, with_costs, with_noise, with_power};
 use super::{compare as compare_with, *};

@@ -78,7 +78,7 @@ pub(crate) fn presets_table(presets: &Presets) -> String {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::Frontier;
+    use frugal_core::frontier::Frontier;
 
     use super::testing::{map, with_power};
     use super::*;

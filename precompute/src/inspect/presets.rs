@@ -5,9 +5,9 @@
 
 use std::collections::BTreeMap;
 
-use bevy_frugal_gi::frontier::{Capture, FrontierMap, FrontierPoint, SceneIdentity};
-use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
+use frugal_core::frontier::{Capture, FrontierMap, FrontierPoint, SceneIdentity};
+use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
 use serde::{Deserialize, Serialize};
 
 /// The presets, cheapest first.
@@ -136,7 +136,7 @@ fn labels(space: &KnobSpace, settings: KnobLevels) -> Result<BTreeMap<String, St
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{CostPoint, Frontier};
+    use frugal_core::frontier::{CostPoint, Frontier};
 
     use super::super::testing::map;
     use super::*;

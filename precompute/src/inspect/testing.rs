@@ -1,15 +1,15 @@
 //! A synthetic map, and variants of it with noise.
 
-use bevy_frugal_gi::frontier::{
+use frugal_core::frontier::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
     SceneIdentity, Thresholds, WorkPrices,
 };
-use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::{MeterInfo, Provenance};
+use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
+use frugal_core::power::{MeterInfo, Provenance};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use crate::pipeline::Outcome;
+use frugal_search::pipeline::Outcome;
 
 /// Points of each frontier.
 const POINTS: usize = 18;

@@ -17,10 +17,9 @@ pub(crate) mod testing;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::power::{
-    MeterError, MeterInfo, MeterState, PowerMeter, PowerSampler, Provenance,
-};
-use bevy_frugal_gi::units::{Joules, Watts};
+use bevy_frugal_gi::power::{MeterError, MeterState, PowerMeter, PowerSampler};
+use frugal_core::power::{MeterInfo, Provenance};
+use frugal_core::units::{Joules, Watts};
 
 pub(crate) use self_test::{busy_cpu_load, self_test};
 

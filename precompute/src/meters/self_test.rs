@@ -4,8 +4,9 @@ use std::hint::black_box;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::power::{MeterError, Provenance};
-use bevy_frugal_gi::units::Watts;
+use bevy_frugal_gi::power::MeterError;
+use frugal_core::power::Provenance;
+use frugal_core::units::Watts;
 
 use super::Meter;
 

@@ -1,6 +1,6 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use bevy_frugal_gi::frontier::{Frontier, FrontierMap, Octree};
+use frugal_core::frontier::{Frontier, FrontierMap, Octree};
 use glam::Vec3;
 
 use super::plan::Plan;
@@ -176,10 +176,10 @@ fn rounded(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{
+    use frugal_core::frontier::{
         Bounds, Capture, Corner, CostPoint, FrontierPoint, SceneIdentity, Thresholds,
     };
-    use bevy_frugal_gi::knobs::KnobSpace;
+    use frugal_core::knobs::KnobSpace;
 
     use super::*;
     use crate::evaluate::fake::{error, power, space};

@@ -32,9 +32,9 @@ pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
 pub(crate) use search::{SearchSummary, search_section};
 pub(crate) use survey::Survey;
 
-use bevy_frugal_gi::frontier::FrontierPoint;
-use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::power::{MeterInfo, Provenance};
+use frugal_core::frontier::FrontierPoint;
+use frugal_core::knobs::KnobSpace;
+use frugal_core::power::{MeterInfo, Provenance};
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -4,7 +4,7 @@
 //! stand out from white as well as from near black (contrast 3 : 1 or more on both), so that one
 //! drawing suits light and dark pages.
 
-use bevy_frugal_gi::frontier::Frontier;
+use frugal_core::frontier::Frontier;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{IntoSegmentedCoord, SegmentValue};
 use plotters::coord::types::RangedCoordf64;
@@ -293,8 +293,8 @@ fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-    use bevy_frugal_gi::knobs::KnobLevels;
+    use frugal_core::frontier::{CostPoint, FrontierPoint};
+    use frugal_core::knobs::KnobLevels;
 
     use super::*;
 

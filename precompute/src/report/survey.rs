@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use bevy_frugal_gi::frontier::{Corner, Octree};
+use frugal_core::frontier::{Corner, Octree};
 
 /// Statistics of an octree. Tolerates a malformed one: invalid indices are counted as broken and
 /// skipped.

@@ -1,6 +1,6 @@
 //! Validation of descriptions: ranges, and rules between fields.
 
-use bevy_frugal_gi::knobs::did_you_mean;
+use frugal_core::knobs::did_you_mean;
 use frugal_trace::light::Light;
 use glam::Vec3;
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::knobs::did_you_mean;
+use frugal_core::knobs::did_you_mean;
 use frugal_trace::scene::SceneGeometry;
 use ron::error::SpannedError;
 use ron::extensions::Extensions;

@@ -15,9 +15,10 @@ use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::GiRefresh;
-use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
+use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
 use bevy_frugal_gi::pacing::FramePacingPlugin;
 use bevy_frugal_gi::power::{Adapter, AdapterKind, PowerPlugin};
+use frugal_core::knobs::{KnobSpace, KnobSpaceError};
 
 /// An app without window, log, signal handler and user interface, whose clock steps by one frame
 /// per update. `extend` adds plugins before it is finished.

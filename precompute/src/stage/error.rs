@@ -24,7 +24,7 @@ pub enum StageError {
     Scene(#[from] SceneError),
     /// An unknown knob.
     #[error(transparent)]
-    Knob(#[from] bevy_frugal_gi::knobs::KnobSpaceError),
+    Knob(#[from] frugal_core::knobs::KnobSpaceError),
     /// The meter.
     #[error(transparent)]
     OpenMeter(#[from] bevy_frugal_gi::power::OpenMeterError),

@@ -1,8 +1,8 @@
 //! The stage as the evaluator of a search: power and error of settings at a camera.
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 use frugal_trace::metrics::{Picture, Reference};
 use frugal_trace::scene::CameraPose;
 

@@ -1,7 +1,7 @@
 //! Consecutive frames, as in an app: what an evaluation plays.
 
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::CameraPose;
 

@@ -9,13 +9,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::power::{Adapter, MeterError};
-use bevy_frugal_gi::units::{Joules, Watts};
+use frugal_core::units::{Joules, Watts};
 use glam::{Quat, Vec3};
 
 use super::{Stage, StageError, StageOptions};
-use crate::cost::{FrameLayout, WorkLedger, WorkMeter, is_work_meter};
 use crate::meters::{Mean, Meter, Sampled};
 use crate::scene::SceneDescription;
+use crate::subject::frame_layout;
+use crate::work_meter::{WorkLedger, WorkMeter, is_work_meter};
 
 /// Steps of the meter's counter in a window, for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
@@ -41,8 +42,7 @@ pub(super) fn open(
         return Ok((Meter::new(bevy_frugal_gi::power::detect(adapter)?)?, None));
     };
     if let Some(file) = is_work_meter(name) {
-        let (meter, ledger) =
-            WorkMeter::open(file, FrameLayout::of(scene, options.size.to_array()))?;
+        let (meter, ledger) = WorkMeter::open(file, frame_layout(scene, options.size.to_array()))?;
         return Ok((Meter::new(Box::new(meter))?, Some(ledger)));
     }
     Ok((Meter::new(bevy_frugal_gi::power::open(name)?)?, None))

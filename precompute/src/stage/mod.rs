@@ -29,15 +29,16 @@ use bevy::render::RenderApp;
 use bevy::render::render_resource::PollType;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSpace};
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use bevy_frugal_gi::knobs::KnobRegistry;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::power::MeterInfo;
+use frugal_core::units::Watts;
 use frugal_trace::metrics::Picture;
 use glam::{Quat, Vec3};
 
-use crate::cost::WorkLedger;
 use crate::meters::Meter;
 use crate::scene::LoadedScene;
+use crate::work_meter::WorkLedger;
 
 pub use app::{adapter, software_adapter};
 pub use error::StageError;

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use bevy_frugal_gi::gi::CameraCut;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace, KnobSpaceError};
+use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings};
+use frugal_core::knobs::{KnobLevels, KnobSpace, KnobSpaceError};
 
 use super::{Stage, StageError, world};
 use crate::default_settings::default_settings;

@@ -1,6 +1,6 @@
 //! Knobs that affect a scene.
 
-use bevy_frugal_gi::knobs::KnobSpace;
+use frugal_core::knobs::KnobSpace;
 use frugal_trace::light::Light;
 
 use super::StageError;

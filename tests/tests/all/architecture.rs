@@ -10,6 +10,7 @@ tests!(
     the_plugin_imports_downhill,
     the_plugin_s_tools_import_downhill,
     the_tool_imports_downhill,
+    the_search_imports_downhill,
     the_path_tracer_imports_downhill,
     links_in_documents_lead_somewhere,
     documents_are_short_and_wrapped,
@@ -59,30 +60,36 @@ const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "scene_ex
 
 /// The tool's parts.
 const TOOL: &[&str] = &[
-    "files",
-    "farthest",
-    "medoids",
     "quantile",
-    "linalg",
     "scene",
-    "journal",
+    "subject",
     "meters",
-    "search",
-    "cost",
+    "work_meter",
     "device",
     "default_settings",
-    "table",
-    "cameras",
-    "view_features",
     "control_log",
-    "pool",
-    "fit",
     "stage",
     "evaluate",
-    "pipeline",
     "inspect",
     "report",
     "cli",
+];
+
+/// The search's parts.
+const SEARCH: &[&str] = &[
+    "files",
+    "farthest",
+    "medoids",
+    "linalg",
+    "journal",
+    "cameras",
+    "view_features",
+    "table",
+    "search",
+    "cost",
+    "pool",
+    "fit",
+    "pipeline",
 ];
 
 /// The path tracer's parts.
@@ -116,6 +123,10 @@ fn the_plugin_s_tools_import_downhill() {
 
 fn the_tool_imports_downhill() {
     assert_downhill("precompute/src", &[], TOOL);
+}
+
+fn the_search_imports_downhill() {
+    assert_downhill("precompute/search/src", &[], SEARCH);
 }
 
 fn the_path_tracer_imports_downhill() {

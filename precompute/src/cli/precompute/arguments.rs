@@ -3,16 +3,17 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bevy_frugal_gi::units::Watts;
 use clap::builder::RangedU64ValueParser;
+use frugal_core::units::Watts;
 
 use super::super::CliError;
 use super::super::arguments::duration;
 use super::super::input::path_called;
-use crate::cameras::{TrackSample, recorded_tracks, tracks_of};
 use crate::evaluate::PowerBudget;
-use crate::pipeline::PipelineConfig;
 use crate::scene::SceneDescription;
+use crate::subject::{recorded_tracks, tracks_of};
+use frugal_search::cameras::TrackSample;
+use frugal_search::pipeline::PipelineConfig;
 
 /// Highest frame rate at which tracks are sampled, hertz.
 const FASTEST: f64 = 1000.0;

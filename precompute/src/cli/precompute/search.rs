@@ -3,25 +3,24 @@
 use std::cell::LazyCell;
 use std::path::PathBuf;
 
-use bevy_frugal_gi::frontier::{Bounds, Capture, SceneIdentity};
 use bevy_frugal_gi::power::detect;
+use frugal_core::frontier::{Bounds, Capture, SceneIdentity};
+use frugal_search::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
+use frugal_search::journal::{Journal, JournalHeader, hash};
+use frugal_search::pipeline::{
+    self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
+};
 
 use super::super::CliError;
 use super::super::input::knobs;
 use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
 use super::super::progress::Progress;
 use super::{Arguments, SearchArguments};
-use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
-use crate::cost::FrameLayout;
 use crate::device;
-use crate::journal::{Journal, JournalHeader, hash};
-use crate::pipeline::{
-    self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
-};
 use crate::report::SearchSummary;
 use crate::scene::{LoadedScene, SceneDescription};
 use crate::stage::{self, RemoteError, RemoteStage};
-use crate::view_features::ViewDescriber;
+use crate::subject::{frame_layout, view_describer};
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
 const MAX_CALIBRATION: usize = 24;
@@ -123,12 +122,12 @@ pub(super) fn search(
     // Compiles and loads everything before anything is metered.
     stage.warm()?;
 
-    let layout = FrameLayout::of(scene, stage.size());
+    let layout = frame_layout(scene, stage.size());
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let lens = stage.lens();
     let idle = stage.idle();
     // Only when the first view is described: on a resumed run it may never be.
-    let describer = LazyCell::new(|| ViewDescriber::new(scene));
+    let describer = LazyCell::new(|| view_describer(scene));
     let describe = |camera: &MovingCamera| {
         describer.as_ref().map(|describer| describer.describe(camera)).unwrap_or_default()
     };

@@ -16,11 +16,11 @@ mod reactive;
 pub(crate) use oracle::{Oracle, oracle};
 pub(crate) use reactive::{Reactive, ladder};
 
-use bevy_frugal_gi::frontier::{CostPoint, Frontier};
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::frontier::{CostPoint, Frontier};
+use frugal_core::knobs::KnobLevels;
 
 use crate::evaluate::ResolvedBudget;
-use crate::table::CostTable;
+use frugal_search::table::CostTable;
 
 /// The best settings for `budget` by their mean costs, among those known at every camera of
 /// `table`.
@@ -71,7 +71,7 @@ fn best_of(
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::units::Watts;
+    use frugal_core::units::Watts;
 
     use super::*;
 

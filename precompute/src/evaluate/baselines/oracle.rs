@@ -1,10 +1,10 @@
 //! Upper bounds: policies that know every frame's costs in advance.
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::KnobLevels;
+use frugal_search::table::CostTable;
 
 use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
-use crate::table::CostTable;
 
 /// Range of exchange rates searched, watts per unit of error.
 const RATES: (f64, f64) = (1e-3, 1e9);
@@ -68,7 +68,7 @@ pub(crate) fn oracle(
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::units::Watts;
+    use frugal_core::units::Watts;
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! The reactive ladder that engines ship: constant settings, stepped by meter readings.
 
-use bevy_frugal_gi::frontier::{CostPoint, Frontier};
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::frontier::{CostPoint, Frontier};
+use frugal_core::knobs::KnobLevels;
 
 use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
 
@@ -101,8 +101,8 @@ impl Policy for Reactive {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::FrontierPoint;
-    use bevy_frugal_gi::units::Watts;
+    use frugal_core::frontier::FrontierPoint;
+    use frugal_core::units::Watts;
 
     use super::*;
     use crate::evaluate::fake::path;

@@ -3,13 +3,13 @@
 
 mod plots;
 
-use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
-use bevy_frugal_gi::frontier::{CostPoint, FrontierMap, FrontierPoint};
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::control::{Budget, ErrorPrice, select};
+use frugal_core::frontier::{CostPoint, FrontierMap, FrontierPoint};
+use frugal_core::knobs::KnobLevels;
+use frugal_search::cameras::{CameraSet, MovingCamera};
+use frugal_search::pipeline::Outcome;
 
 use super::{Fact, ReportError, Section, knob_table, percent};
-use crate::cameras::{CameraSet, MovingCamera};
-use crate::pipeline::Outcome;
 use plots::PLAN_BUDGET;
 
 /// A finished search.
@@ -139,11 +139,11 @@ fn selected(summary: &SearchSummary, row: usize, budget: &Budget) -> Option<Knob
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::Bounds;
+    use frugal_core::frontier::Bounds;
+    use frugal_search::testing::searched;
 
     use super::*;
     use crate::inspect::testing::map_of;
-    use crate::pipeline::tests::searched;
     use crate::report::Report;
 
     #[test]
@@ -178,8 +178,8 @@ mod tests {
         let (space, _, _, mut outcome) = searched();
         outcome.pool.clear();
         outcome.training_cameras.clear();
-        outcome.training = crate::table::CostTable::new(0);
-        outcome.fitted.shared = bevy_frugal_gi::frontier::Frontier::default();
+        outcome.training = frugal_search::table::CostTable::new(0);
+        outcome.fitted.shared = frugal_core::frontier::Frontier::default();
         outcome.fitted.held_out.clear();
         outcome.error_rates.0.clear();
         outcome.stages.clear();

@@ -1,14 +1,14 @@
 //! Plots of a search: cameras, costs, influence of knobs, regret at held-out cameras, calibration.
 
-use bevy_frugal_gi::control::{Budget, select};
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::control::{Budget, select};
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 
 use super::{SearchSummary, mean_cost, selected, training_cameras};
-use crate::cameras::MovingCamera;
 use crate::report::plan::Plan;
 use crate::report::{Bar, Color, Curve, ReportError, bars, cloud, curves, staircase};
+use frugal_search::cameras::MovingCamera;
 
 /// The error budget under which settings are selected.
 pub(super) const PLAN_BUDGET: f64 = 0.02;

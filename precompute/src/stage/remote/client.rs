@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::power::MeterInfo;
+use frugal_core::units::Watts;
+use frugal_search::table::{Batch, Measure, Measured};
 use frugal_trace::scene::CameraPose;
 
 use super::process::{RemoteError, StageProcess};
@@ -16,7 +17,6 @@ use super::{Opened, Request};
 use crate::device::on_this_machine;
 use crate::scene::SceneDescription;
 use crate::stage::StageOptions;
-use crate::table::{Batch, Measure, Measured};
 
 /// A stage in a child process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {

@@ -18,10 +18,10 @@ mod server;
 use std::io::{self, Read, Write};
 use std::path::PathBuf;
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::units::Watts;
 use frugal_trace::scene::CameraPose;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 

@@ -3,8 +3,8 @@
 use std::io::{BufReader, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::KnobLevels;
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::CameraPose;
 

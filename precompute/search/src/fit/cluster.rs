@@ -1,0 +1,100 @@
+//! A bounded number of frontiers: similar estimates share one.
+//!
+//! Most corners of the octree have no camera of their own, and their estimates differ by less than
+//! a map can be trusted.
+
+use frugal_core::frontier::CostPoint;
+
+use super::estimate::Estimate;
+use crate::farthest::{Farthest, farthest};
+use crate::pool::LEAST_ERROR;
+
+/// Assigns each of `estimates` to one of at most `most` clusters. Returns the cluster of each, and
+/// the mean estimate of each cluster, weighted by evidence. Estimates closer than `least` to a
+/// centre never open another.
+pub(super) fn cluster(
+    estimates: &[Estimate],
+    most: usize,
+    least: f64,
+) -> (Vec<usize>, Vec<Estimate>) {
+    let Farthest { chosen, nearest: assigned } =
+        farthest(estimates.len(), most, least, |a, b| distance(&estimates[a], &estimates[b]));
+    let means = (0..chosen.len())
+        .map(|centre| {
+            mean(estimates.iter().zip(&assigned).filter(|(_, of)| **of == centre).map(|(e, _)| e))
+        })
+        .collect();
+    (assigned, means)
+}
+
+/// Mean over settings of the differences in the logarithms of power and error.
+fn distance(a: &Estimate, b: &Estimate) -> f64 {
+    let ratio = |a: f64, b: f64| (a.max(1e-9) / b.max(1e-9)).ln().abs();
+    let sum: f64 = a
+        .costs
+        .iter()
+        .zip(&b.costs)
+        .map(|(a, b)| {
+            ratio(a.power.0, b.power.0) + ratio(a.error + LEAST_ERROR, b.error + LEAST_ERROR)
+        })
+        .sum();
+    sum / a.costs.len().max(1) as f64
+}
+
+fn mean<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Estimate {
+    let mut sum: Vec<CostPoint> = Vec::new();
+    let mut weight = 0.0;
+    for estimate in estimates {
+        // No estimate is without influence.
+        let share = estimate.weight.max(1e-3);
+        weight += share;
+        sum.resize(estimate.costs.len(), CostPoint::new(0.0, 0.0));
+        for (sum, cost) in sum.iter_mut().zip(&estimate.costs) {
+            *sum =
+                CostPoint::new(sum.power.0 + share * cost.power.0, sum.error + share * cost.error);
+        }
+    }
+    for cost in &mut sum {
+        *cost = CostPoint::new(cost.power.0 / weight, cost.error / weight);
+    }
+    Estimate { costs: sum, weight }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(errors: [f64; 2], weight: f64) -> Estimate {
+        Estimate { costs: errors.map(|error| CostPoint::new(2.0, error)).to_vec(), weight }
+    }
+
+    #[test]
+    fn similar_estimates_share_a_mean_weighted_by_evidence() {
+        let all = [
+            estimate([0.01, 0.1], 3.0),
+            estimate([0.5, 0.02], 1.0),
+            estimate([0.014, 0.1], 1.0),
+            estimate([0.5, 0.02], 0.0),
+        ];
+        let (assigned, means) = cluster(&all, 2, 0.0);
+        assert_eq!(assigned, [0, 1, 0, 1]);
+        assert_eq!((means.len(), means[0].weight), (2, 4.0));
+        assert!((means[0].costs[0].error - 0.011).abs() < 1e-12);
+        assert!((means[1].costs[1].error - 0.02).abs() < 1e-12 && means[1].costs[0].power.0 == 2.0);
+    }
+
+    #[test]
+    fn there_are_no_more_clusters_than_asked_for_or_needed() {
+        let all: Vec<Estimate> =
+            (0..50).map(|step| estimate([0.001 * f64::from(step), 0.1], 1.0)).collect();
+        for most in [1, 7, 50, 90] {
+            let (assigned, means) = cluster(&all, most, 0.0);
+            assert_eq!(means.len(), most.min(50));
+            assert!(assigned.iter().all(|of| *of < means.len()));
+        }
+        assert_eq!(cluster(&all, 50, 10.0).1.len(), 1, "all within the least distance");
+        assert_eq!(cluster(&[], 5, 0.0), (vec![], vec![]));
+        let odd = [estimate([f64::NAN, 0.1], 1.0), estimate([0.1, 0.1], 1.0)];
+        assert_eq!(cluster(&odd, 5, 0.0).0.len(), 2, "invalid estimates do not panic");
+    }
+}

@@ -1,0 +1,335 @@
+//! Fits to synthetic scenes with known optimal maps.
+
+use frugal_core::control::{Budget, ErrorPrice, select};
+use frugal_core::frontier::{
+    Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection, look_up_in,
+};
+use frugal_core::knobs::KnobLevels;
+use frugal_trace::scene::CameraPose;
+use glam::{Quat, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::cameras::{FREE, MovingCamera};
+use crate::table::CostTable;
+
+const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0, 8.0, 8.0] };
+const SETTINGS: u128 = 24;
+
+fn settings() -> Vec<KnobLevels> {
+    (0..SETTINGS).map(KnobLevels::from_bits).collect()
+}
+
+/// Even settings suit one kind of view, odd ones the other; `noise` is relative.
+fn cost(
+    settings: KnobLevels,
+    kind: bool,
+    difficulty: f64,
+    noise: f64,
+    random: &mut ChaCha8Rng,
+) -> CostPoint {
+    let quality = (settings.bits() / 2) as f64 / (SETTINGS / 2 - 1) as f64;
+    let suits = settings.bits().is_multiple_of(2) == kind;
+    let mut noisy = |value: f64| value * (1.0 + noise * random.random_range(-1.0..1.0));
+    let power = noisy(1.0 + 9.0 * quality * quality);
+    CostPoint::new(
+        power,
+        noisy(difficulty * 0.1 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 2.5 }),
+    )
+}
+
+struct Scene {
+    cameras: Vec<MovingCamera>,
+    views: Vec<CameraView>,
+    table: CostTable,
+}
+
+impl Scene {
+    fn new(count: usize) -> Self {
+        Self { cameras: Vec::new(), views: Vec::new(), table: CostTable::new(count) }
+    }
+
+    /// The next camera, at rest at `pose`, with what `cost` says of each setting.
+    fn add(&mut self, pose: CameraPose, group: u32, mut cost: impl FnMut(KnobLevels) -> CostPoint) {
+        let (row, CameraPose { position, rotation }) = (self.cameras.len(), pose);
+        self.cameras.push(MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group });
+        self.views.push(CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 });
+        for settings in settings() {
+            self.table.set(row, settings, cost(settings));
+        }
+    }
+}
+
+/// `count` cameras at random positions; `kind` classifies a position.
+fn scene(count: usize, seed: u64, noise: f64, kind: impl Fn(Vec3) -> bool) -> Scene {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut scene = Scene::new(count);
+    for row in 0..count {
+        let position = Vec3::from_array(std::array::from_fn(|_| random.random_range(0.1..7.9)));
+        let rotation = Quat::from_rotation_y(random.random_range(0.0..std::f32::consts::TAU));
+        let difficulty = random.random_range(0.7..1.4);
+        scene.add(CameraPose { position, rotation }, row as u32, |settings| {
+            cost(settings, kind(position), difficulty, noise, &mut random)
+        });
+    }
+    scene
+}
+
+fn fitted(scene: &Scene) -> Fitted {
+    let (training, rows) = Training::new(&scene.table, &scene.cameras, &settings());
+    assert_eq!(rows.len(), scene.cameras.len());
+    fit(&training, &scene.views, &BOUNDS, &FitConfig::default())
+}
+
+#[test]
+fn where_all_cameras_are_alike_they_share_one_frontier() {
+    for seed in 0..5 {
+        let fitted = fitted(&scene(120, seed, 0.1, |_| true));
+        assert_eq!(fitted.octree.validate(), Ok(()));
+        assert!(
+            fitted.octree.frontiers.len() <= 60
+                && fitted.report.octree_loss <= fitted.report.shared_loss,
+            "{:?}",
+            fitted.report
+        );
+        assert!(fitted.shared.points().len() > 5);
+    }
+}
+
+#[test]
+fn halves_of_a_scene_that_differ_get_frontiers_of_their_own() {
+    let is_near = |position: Vec3| position.x < 4.0;
+    let fitted = fitted(&scene(200, 1, 0.05, is_near));
+    assert_eq!(fitted.octree.validate(), Ok(()));
+    assert!(fitted.report.octree_loss < 0.4 * fitted.report.shared_loss, "{:?}", fitted.report);
+    // Most settings of the frontiers at each end are of the suitable kind; addresses without
+    // cameras have coarser estimates.
+    for (x, parity) in [(0, 0), (1 << fitted.octree.levels, 1)] {
+        let corners = fitted.octree.corners.iter().filter(|corner| corner.at[0] == x);
+        let frontiers = corners
+            .flat_map(|corner| ViewDirection::ALL.map(|view| fitted.octree.frontier(corner, view)));
+        let (mut suits, mut all) = (0, 0);
+        for point in frontiers.flatten().flat_map(|frontier| frontier.points()) {
+            suits += usize::from(point.settings.bits() % 2 == parity);
+            all += 1;
+        }
+        assert!(suits * 3 > all * 2, "{suits} of {all} at x = {x}");
+    }
+}
+
+#[test]
+fn a_map_of_many_cameras_that_all_differ_stays_small() {
+    let scene = scene(300, 3, 0.1, |position| position.x % 4.0 > 2.0);
+    let fitted = fitted(&scene);
+    assert_eq!(fitted.octree.validate(), Ok(()));
+    assert!(fitted.report.addresses > 50, "{:?}", fitted.report);
+    assert!(
+        (10..=64).contains(&fitted.octree.frontiers.len()),
+        "{}",
+        fitted.octree.frontiers.len()
+    );
+    let bytes = ron::to_string(&fitted.octree).expect("serialisable").len();
+    assert!(bytes < 50_000, "{bytes} bytes");
+}
+
+#[test]
+fn no_camera_and_one_camera_are_maps_too() {
+    let nothing = fitted(&Scene::new(0));
+    assert!(nothing.shared.is_empty() && nothing.octree.validate() == Ok(()));
+    let one = fitted(&scene(1, 3, 0.0, |_| true));
+    assert_eq!((one.octree.validate(), one.octree.frontiers.len()), (Ok(()), 1));
+    assert_eq!(one.octree.frontiers[0], one.shared.rounded());
+}
+
+#[test]
+fn cameras_that_lack_a_reading_take_no_part() {
+    let mut scene = scene(6, 2, 0.0, |_| true);
+    scene.table.set(2, KnobLevels::from_bits(3), CostPoint::new(f64::NAN, 0.0));
+    scene.table.set(4, KnobLevels::from_bits(5), CostPoint::new(0.0, 0.1));
+    let (training, rows) = Training::new(&scene.table, &scene.cameras, &settings());
+    assert_eq!((training.cameras(), rows), (4, vec![0, 1, 3, 5]));
+}
+
+/// What the views show: how hard they are.
+fn seen(scene: &Scene) -> Vec<DescribedView> {
+    let difficulty = |row: usize| {
+        scene.table.get(row, KnobLevels::from_bits(0)).map_or(f64::NAN, |cost| cost.error.ln())
+    };
+    let views = scene.views.iter().enumerate();
+    views
+        .map(|(row, view)| DescribedView {
+            viewpoint: view.into(),
+            features: vec![difficulty(row)],
+        })
+        .collect()
+}
+
+#[test]
+fn views_that_no_camera_has_rendered_get_predicted_costs() {
+    let (known, other) = (scene(60, 1, 0.02, |_| true), scene(40, 2, 0.02, |_| true));
+    let (plain, _) = Training::new(&known.table, &known.cameras, &settings());
+    let training = plain.clone().with_unrendered(seen(&known), seen(&other));
+    assert_eq!((training.cameras(), training.views()), (60, 100));
+    let (mut off, mut count) = (0.0, 0.0);
+    for row in 0..40 {
+        for (index, settings) in settings().into_iter().enumerate() {
+            let expected = other.table.get(row, settings).expect("known");
+            let found = training.costs(60 + row)[index];
+            assert!((found.power.0 / expected.power.0).ln().abs() < 0.1);
+            if expected.error > 1e-3 {
+                off += (found.error / expected.error).ln().abs();
+                count += 1.0;
+            }
+        }
+    }
+    assert!(off / count < 0.1, "{}", off / count);
+    // Without some of the cameras the predictions are others, and the cameras' costs the same.
+    let without = training.without(&[0, 1, 2, 3]);
+    assert_eq!((without.cameras(), without.views()), (60, 100));
+    assert!(without.costs(0) == training.costs(0) && without.costs(70) != training.costs(70));
+    let views: Vec<CameraView> = known.views.iter().chain(&other.views).copied().collect();
+    let fitted = fit(&training, &views, &BOUNDS, &FitConfig::default());
+    assert_eq!((fitted.octree.validate(), fitted.held_out.len()), (Ok(()), 60));
+    // Features of other views than the cameras, or of too few: nothing is added.
+    assert_eq!(plain.clone().with_unrendered(seen(&other), seen(&other)).views(), 60);
+    let (few, _) = Training::new(&known.table.with_rows(&[0, 1, 2]), &known.cameras, &settings());
+    let few = few.with_unrendered(seen(&known)[..3].to_vec(), seen(&other));
+    assert_eq!((few.cameras(), few.views()), (3, 3));
+}
+
+#[test]
+fn errors_away_from_tracks_get_a_margin() {
+    // A track in one corner; cameras elsewhere, whose errors are 1.4 times what estimates say.
+    let mut scene = scene(60, 4, 0.02, |_| true);
+    for (row, camera) in scene.cameras.iter_mut().enumerate() {
+        if row >= 20 {
+            camera.group |= 1 << 31;
+        }
+    }
+    for (row, view) in scene.views.iter_mut().enumerate() {
+        view.rotation = Quat::IDENTITY;
+        view.position = if row < 20 { Vec3::splat(0.1) } else { Vec3::splat(7.0) };
+    }
+    let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
+    let smoother = Smoother::new(&training, &scene.views);
+    let is_away = |camera: usize| {
+        margin::is_away(&smoother, training.on_track(), &smoother.viewpoint(camera))
+    };
+    let away: Vec<bool> = (0..60).map(is_away).collect();
+    assert!(away[..20].iter().all(|away| !away) && away[20..].iter().all(|away| *away));
+    assert!(!margin::is_away(&smoother, &[], &smoother.viewpoint(30)), "without tracks");
+    let estimates: Vec<estimate::Estimate> = (0..60)
+        .map(|camera| estimate::Estimate {
+            costs: training
+                .costs(camera)
+                .iter()
+                .map(|cost| CostPoint::new(cost.power.0, cost.error / 1.4))
+                .collect(),
+            weight: 1.0,
+        })
+        .collect();
+    let of = |away: &[bool]| margin::Margin::of(&training, &estimates, away).mean();
+    assert!((1.35..1.45).contains(&of(&away)), "{}", of(&away));
+    assert_eq!(of(&[false; 60]), 1.0, "no camera there");
+}
+
+/// Mean error at fresh cameras of the settings selected under a budget.
+fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
+    let scene = scene(400, seed, 0.02, |_| true);
+    let frontier = &octree.frontiers[0];
+    let price = ErrorPrice::of_budget(rates, budget);
+    let settings = select(frontier, &Budget::error(budget), price).expect("a frontier").settings;
+    (0..400).filter_map(|row| Some(scene.table.get(row, settings)?.error)).sum::<f64>() / 400.0
+}
+
+#[test]
+fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
+    let (mut kept, mut all) = (0, 0);
+    for seed in 0..20 {
+        let train = scene(60, seed, 0.02, |_| true);
+        let fitted = fitted(&train);
+        let held_out = scene(30, 1000 + seed, 0.02, |_| true);
+        let errors: Vec<_> = (0..30)
+            .map(|row| {
+                move |settings: KnobLevels, table: &CostTable| {
+                    table.get(row, settings).map(|c| c.error)
+                }
+            })
+            .collect();
+        let lookups: Vec<_> = errors
+            .iter()
+            .map(|error| |settings: KnobLevels| error(settings, &held_out.table))
+            .collect();
+        let cameras: Vec<_> = lookups
+            .iter()
+            .map(|error| Calibration { frontier: &fitted.octree.frontiers[0], error })
+            .collect();
+        let rates = calibrate(&cameras, &|_| 0.0);
+        assert!(rates.is_sound() && rates.0.len() > 8, "{rates:?}");
+        for budget in [0.01, 0.02, 0.04] {
+            all += 1;
+            let error = played(&fitted.octree, &rates, budget, 5000 + seed);
+            kept += usize::from(error <= budget);
+        }
+    }
+    assert!(kept * 10 >= all * 9, "{kept} of {all}");
+}
+
+#[test]
+fn without_cameras_nothing_is_calibrated_and_few_support_little() {
+    assert_eq!(calibrate(&[], &|_| 0.0), ErrorRates::default());
+    let train = scene(40, 9, 0.0, |_| true);
+    let fitted = fitted(&train);
+    let error = |settings: KnobLevels| train.table.get(0, settings).map(|cost| cost.error);
+    let camera = || Calibration { frontier: &fitted.shared, error: &error };
+    assert_eq!(
+        calibrate(&[camera()], &|_| 0.0),
+        ErrorRates::default(),
+        "one says nothing of the spread"
+    );
+    let least = |uncertainty: f64| {
+        let rates = calibrate(&[camera(), camera(), camera()], &|_| uncertainty);
+        rates.0.first().map(|rate| rate.budget)
+    };
+    assert!(least(0.0).is_some() && least(0.0) <= least(0.5), "{:?} {:?}", least(0.0), least(0.5));
+    let broken = |_: KnobLevels| None;
+    let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], &|_| 0.0);
+    assert!(unknown.is_sound());
+}
+
+#[test]
+fn a_track_has_no_margin_however_far_its_corners_are() {
+    // Leaves of 8 m at most, whose corners are metres away from the track at x = 40 to 63.
+    let bounds = Bounds { min: [0.0; 3], max: [128.0; 3] };
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let rotation = Quat::from_rotation_y(-std::f32::consts::FRAC_PI_2);
+    let mut scene = Scene::new(48);
+    for row in 0..48_usize {
+        let is_on_track = row < 24;
+        let (position, difficulty) = if is_on_track {
+            (Vec3::new(40.0 + row as f32, 43.5, 43.5), 1.0)
+        } else {
+            // Elsewhere every other view is much harder than its neighbours.
+            let at = |random: &mut ChaCha8Rng| random.random_range(80.0..120.0);
+            let difficulty = if row % 2 == 0 { 0.3 } else { 3.0 };
+            (Vec3::from_array(std::array::from_fn(|_| at(&mut random))), difficulty)
+        };
+        let group = if is_on_track { row as u32 / 2 } else { FREE };
+        scene.add(CameraPose { position, rotation }, group, |settings| {
+            cost(settings, position.x < 52.0, difficulty, 0.0, &mut random)
+        });
+    }
+    let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
+    let fitted = fit(&training, &scene.views, &bounds, &FitConfig::default());
+    assert!(fitted.report.margin > 1.2, "{:?}", fitted.report);
+    let (mut predicted, mut measured) = (0.0, 0.0);
+    for (row, view) in scene.views.iter().enumerate().take(24) {
+        let found = look_up_in(&fitted.octree, &bounds, view).expect("a frontier");
+        for point in found.frontier.points() {
+            predicted += point.cost.error;
+            measured += scene.table.get(row, point.settings).expect("a cost").error;
+        }
+    }
+    assert!((0.9..1.12).contains(&(predicted / measured)), "{predicted} of {measured}");
+}

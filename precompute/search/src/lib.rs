@@ -1,0 +1,33 @@
+//! The search behind a frontier map, from cameras to the map, without a renderer, scene files or a
+//! command line: [`Measure`](table::Measure) renders.
+//!
+//! | module | job |
+//! |---|---|
+//! | [`files`] | output files that are old or whole, never half |
+//! | [`journal`] | the append-only file from which a killed run continues |
+//! | [`cameras`] | positions of training and calibration cameras |
+//! | [`view_features`] | what a view shows, in twenty numbers |
+//! | [`table`] | power and error by camera and settings |
+//! | `search` | NSGA-II over a model that gives settings a cost |
+//! | [`cost`] | the work of settings, and a fitted price of each kind of work |
+//! | `pool` | the few dozen settings that cameras need |
+//! | `fit` | frontiers by address, the octree, error budgets |
+//! | [`pipeline`] | all of it in order |
+//!
+//! Each module imports only those above it. `linalg`, `farthest` and `medoids` serve all.
+
+pub mod cameras;
+pub mod cost;
+mod farthest;
+pub mod files;
+mod fit;
+pub mod journal;
+mod linalg;
+mod medoids;
+pub mod pipeline;
+mod pool;
+mod search;
+pub mod table;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;
+pub mod view_features;

@@ -1,0 +1,230 @@
+//! Proposals for rendering: NSGA-II on the models of power and error, without rendering.
+
+use frugal_core::frontier::{CostPoint, FrontierPoint};
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+
+use super::goals::Goals;
+use super::{ErrorModel, LEAST_ERROR, Screening};
+use crate::cost::{CostModel, FrameLayout, Work};
+use crate::search::Search;
+
+/// Errors are clamped to this: no budget allows more, so settings beyond it differ in power alone.
+const GREATEST_ERROR: f64 = 0.3;
+/// Optimism of proposals, standard deviations below the expected error (a lower confidence bound).
+const OPTIMISM: f64 = 0.5;
+/// The same where too little is expected to gain: the search goes on where the model knows least.
+const EXPLORATION: f64 = 3.0;
+/// Least gain, summed over goals, for which settings are rendered.
+const LEAST_GAIN: f64 = 1e-3;
+
+/// The seed of a round of proposals: different in every round.
+pub(crate) fn round_seed(seed: u64, round: u64) -> u64 {
+    seed.wrapping_mul(1000).wrapping_add(round)
+}
+
+/// Inputs of proposals.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Proposal<'a> {
+    /// The knobs.
+    pub space: &'a KnobSpace,
+    /// Single effects of the knobs.
+    pub screening: &'a Screening,
+    /// Prices of work.
+    pub cost: &'a CostModel,
+    /// Parameters of the work model.
+    pub layout: &'a FrameLayout,
+    /// Mean errors of rendered settings.
+    pub errors: &'a [(KnobLevels, f64)],
+}
+
+/// Both models as objectives, in logarithms, so that crowding and dominance resolve the range of
+/// budgets. `optimism`: standard deviations below the expected error.
+fn objectives(
+    proposal: &Proposal<'_>,
+    error: &ErrorModel<'_>,
+    optimism: f64,
+    settings: KnobLevels,
+) -> CostPoint {
+    let Proposal { space, screening, cost, layout, .. } = *proposal;
+    let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
+    // A knob without effect stays at its cheapest, however little power that saves.
+    if screening.fixed(space, settings) != space.canonical(settings) {
+        return CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0);
+    }
+    let (mean, deviation) = error.predict(settings);
+    let error = mean - optimism * deviation;
+    let error = error.clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln());
+    CostPoint::new(power, error)
+}
+
+/// Up to `count` unrendered settings with the greatest expected gain, in the range of error
+/// budgets. Where the expected gain is too small for so many, the most uncertain ones follow.
+/// Deterministic in `seed`.
+pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<KnobLevels> {
+    let Proposal { space, screening, cost, layout, errors } = *proposal;
+    let error = ErrorModel::fit(space, screening, errors);
+    let known: Vec<KnobLevels> =
+        errors.iter().map(|(settings, _)| screening.fixed(space, *settings)).collect();
+    let power = |settings: KnobLevels| cost.power(&Work::of(space, settings, layout));
+    let best_power = power(space.highest()).max(1e-9);
+    let rendered = errors.iter().filter(|(_, error)| error.is_finite());
+    let mut rendered: Vec<(KnobLevels, CostPoint)> = rendered
+        .map(|(settings, error)| (*settings, CostPoint::new(power(*settings) / best_power, *error)))
+        .collect();
+    let point = |point: &FrontierPoint| {
+        let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
+        (point.settings, CostPoint::new(point.cost.power.0.exp() / best_power, error))
+    };
+    let cheapest = power(space.lowest()) / best_power;
+    let mut proposed = Vec::new();
+    for optimism in [OPTIMISM, EXPLORATION] {
+        let found = Search { space, seed }
+            .run(&known, &mut |settings| objectives(proposal, &error, optimism, settings));
+        let candidates: Vec<_> = found.points().iter().map(point).collect();
+        let more = greatest_gains(&rendered, &candidates, cheapest, count - proposed.len());
+        proposed.extend(more.iter().map(|(settings, _)| *settings));
+        if proposed.len() == count {
+            break;
+        }
+        rendered.extend(more);
+    }
+    proposed
+}
+
+/// The best scores of rendered settings. Powers are shares of the best settings' power.
+struct Reached {
+    goals: Goals,
+    least: Vec<f64>,
+}
+
+impl Reached {
+    /// `cheapest`: the least power of all settings.
+    fn new(rendered: &[(KnobLevels, CostPoint)], cheapest: f64) -> Self {
+        let goals = Goals::new(cheapest..1.0);
+        // The best settings at the greatest error that counts: something to gain on where nothing is
+        // rendered.
+        let least = goals.scores(&CostPoint::new(1.0, GREATEST_ERROR)).collect();
+        let mut reached = Self { goals, least };
+        rendered.iter().for_each(|(_, cost)| reached.add(cost));
+        reached
+    }
+
+    fn add(&mut self, cost: &CostPoint) {
+        let scores = self.goals.scores(cost);
+        self.least.iter_mut().zip(scores).for_each(|(least, score)| *least = least.min(score));
+    }
+
+    /// Gain of a cost over these results, summed over goals.
+    fn gain(&self, cost: &CostPoint) -> f64 {
+        let scores = self.goals.scores(cost);
+        self.least.iter().zip(scores).map(|(least, score)| (least - score).max(0.0)).sum()
+    }
+}
+
+/// The candidates of greatest gain, each given those before it.
+fn greatest_gains(
+    rendered: &[(KnobLevels, CostPoint)],
+    candidates: &[(KnobLevels, CostPoint)],
+    cheapest: f64,
+    count: usize,
+) -> Vec<(KnobLevels, CostPoint)> {
+    let mut reached = Reached::new(rendered, cheapest);
+    let mut open: Vec<&(KnobLevels, CostPoint)> = candidates
+        .iter()
+        .filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings))
+        .collect();
+    let mut taken = Vec::new();
+    while taken.len() < count {
+        let gains = open.iter().map(|(_, cost)| reached.gain(cost)).enumerate();
+        let Some((next, _)) =
+            gains.filter(|(_, gain)| *gain > LEAST_GAIN).max_by(|a, b| a.1.total_cmp(&b.1))
+        else {
+            break;
+        };
+        let (settings, cost) = *open.swap_remove(next);
+        reached.add(&cost);
+        taken.push((settings, cost));
+    }
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use frugal_core::units::Watts;
+
+    use super::*;
+    use crate::cost::CostReading;
+    use crate::pool::screening_settings;
+    use crate::table::CostTable;
+
+    #[test]
+    fn proposals_are_new_and_better_than_one_knob_at_a_time() {
+        let space = crate::testing::knobs();
+        let layout = FrameLayout { size: [160, 90], maps: 2, point_lights: 0, has_sky: true };
+        let names = crate::cost::work_names(&space);
+        let price = |name: &str| match name {
+            "frame" => 1.0,
+            "rays" => 4e-5,
+            "pairs" => 5e-7,
+            "shadow texels" => 1e-7,
+            "occlusion samples" => 2e-6,
+            "pixels" => 5e-5,
+            _ => 1e-9,
+        };
+        let power = |settings| {
+            Work::of(&space, settings, &layout)
+                .0
+                .iter()
+                .zip(&names)
+                .map(|(work, name)| work * price(name))
+                .sum::<f64>()
+        };
+        let error = |settings: KnobLevels| {
+            let settings = space.canonical(settings);
+            (0..space.len())
+                .map(|knob| {
+                    let top = space.knobs()[knob].levels.len() - 1;
+                    let missing = (top - settings.level(knob)) as f64 / top as f64;
+                    0.002 * missing * (1.0 + knob as f64)
+                })
+                .sum::<f64>()
+        };
+        let mut table = CostTable::new(1);
+        let mut readings = Vec::new();
+        for settings in screening_settings(&space, true) {
+            table.set(0, settings, CostPoint::new(power(settings), error(settings)));
+            readings.push(CostReading {
+                camera: 0,
+                work: Work::of(&space, settings, &layout),
+                power_w: power(settings),
+            });
+        }
+        let screening = Screening::of(&space, &table);
+        let cost = CostModel::fit(&readings, Watts(0.0));
+        let errors: Vec<_> =
+            table.settings().iter().map(|settings| (*settings, error(*settings))).collect();
+        let proposal = Proposal {
+            space: &space,
+            screening: &screening,
+            cost: &cost,
+            layout: &layout,
+            errors: &errors,
+        };
+        let proposed = propose(&proposal, 12, 1);
+        assert_eq!(proposed, propose(&proposal, 12, 1));
+        assert_eq!(proposed.len(), 12);
+        assert!(
+            proposed.iter().all(|settings| table.column(*settings).is_none()
+                && space.canonical(*settings) == *settings)
+        );
+        let least = |all: &[KnobLevels], rate: f64| {
+            let loss = |settings: &KnobLevels| {
+                power(*settings) / power(space.highest()) + rate * error(*settings)
+            };
+            all.iter().map(loss).fold(f64::INFINITY, f64::min)
+        };
+        let ratios =
+            [4.0, 16.0, 64.0].map(|rate| least(&proposed, rate) / least(table.settings(), rate));
+        assert!(ratios.iter().sum::<f64>() / 3.0 < 0.95, "{ratios:?}");
+    }
+}

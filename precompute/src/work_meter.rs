@@ -1,0 +1,190 @@
+//! A meter without hardware: it counts each frame's work at fixed prices. The same frames cost the
+//! same on every machine.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use bevy_frugal_gi::power::{MeterError, PowerMeter};
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::power::{MeterInfo, Provenance};
+use frugal_core::units::{Joules, Watts};
+use frugal_search::cost::{DeviceModel, FrameLayout, Work, price, work_names};
+use frugal_search::journal::hash;
+
+/// Prices of the software renderer lavapipe, from `frugal calibrate`.
+const LAVAPIPE: &str = include_str!("../prices/lavapipe.prices.ron");
+/// Name of the meter: `work`, or `work=FILE` with prices from `frugal calibrate`.
+pub(crate) const WORK_METER: &str = "work";
+/// Energy is counted in units of 2⁻³⁰ J, which floating point represents exactly up to 8 MJ:
+/// differences of readings are exact, whatever the earlier count.
+const UNITS_PER_JOULE: f64 = (1_u64 << 30) as f64;
+
+/// Reads the energy that its [`WorkLedger`] has counted.
+#[derive(Debug)]
+pub(crate) struct WorkMeter {
+    info: MeterInfo,
+    idle: Watts,
+    counted: Arc<AtomicU64>,
+}
+
+/// Counts frames for a [`WorkMeter`].
+#[derive(Debug)]
+pub(crate) struct WorkLedger {
+    device: DeviceModel,
+    layout: FrameLayout,
+    counted: Arc<AtomicU64>,
+}
+
+/// Whether `name` names the work meter, and its file of prices.
+pub(crate) fn is_work_meter(name: &str) -> Option<Option<&str>> {
+    match name.split_once('=') {
+        Some((plain, file)) => (plain.trim() == WORK_METER).then(|| Some(file.trim())),
+        None => (name.trim() == WORK_METER).then_some(None),
+    }
+}
+
+impl WorkMeter {
+    /// Opens a meter at the prices in `file`, or at lavapipe's, for frames of `layout`.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or holds no prices.
+    pub(crate) fn open(
+        file: Option<&str>,
+        layout: FrameLayout,
+    ) -> Result<(Self, WorkLedger), MeterError> {
+        let name =
+            file.map_or_else(|| WORK_METER.to_owned(), |file| format!("{WORK_METER}={file}"));
+        let unavailable = |reason: String| MeterError::unavailable(name.as_str(), reason);
+        let text = file.map_or_else(
+            || Ok(LAVAPIPE.to_owned()),
+            |file| std::fs::read_to_string(Path::new(file)),
+        );
+        let text = text.map_err(|error| {
+            unavailable(format!("{error}; `frugal calibrate` writes such a file"))
+        })?;
+        let device: DeviceModel = ron::from_str(&text).map_err(|error| {
+            unavailable(format!("{error}; `frugal calibrate` writes such a file"))
+        })?;
+        if !device.prices.is_sound() {
+            return Err(unavailable(
+                "its prices are not finite numbers, 0 or above, one for each kind of work"
+                    .to_owned(),
+            ));
+        }
+        let counted = Arc::new(AtomicU64::new(0));
+        let description = format!(
+            "work of each frame at the prices of {} ({:08x})",
+            device.adapter,
+            hash(&text) as u32
+        );
+        let meter = Self {
+            info: MeterInfo { name, provenance: Provenance::Modelled, description },
+            idle: device.prices.idle,
+            counted: Arc::clone(&counted),
+        };
+        Ok((meter, WorkLedger { device, layout, counted }))
+    }
+}
+
+impl PowerMeter for WorkMeter {
+    fn info(&self) -> MeterInfo {
+        self.info.clone()
+    }
+
+    fn energy(&mut self) -> Result<Joules, MeterError> {
+        Ok(Joules(self.counted.load(Ordering::Relaxed) as f64 / UNITS_PER_JOULE))
+    }
+
+    fn idle(&self) -> Watts {
+        self.idle
+    }
+
+    fn window_seconds(&self) -> f64 {
+        0.0
+    }
+}
+
+impl WorkLedger {
+    /// Counts a frame at `settings`.
+    pub(crate) fn count(&self, space: &KnobSpace, settings: KnobLevels) {
+        let joules = self.joules(space, settings);
+        self.counted.fetch_add((joules * UNITS_PER_JOULE).round() as u64, Ordering::Relaxed);
+    }
+
+    /// Energy of a frame at `settings`, without the device's idle energy. Kinds of work without a
+    /// price are free.
+    pub(crate) fn joules(&self, space: &KnobSpace, settings: KnobLevels) -> f64 {
+        let work = Work::of(space, settings, &self.layout);
+        let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);
+        work_names(space).iter().zip(&work.0).map(|(kind, work)| price(kind) * work).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYOUT: FrameLayout =
+        FrameLayout { size: [160, 90], maps: 2, point_lights: 0, has_sky: true };
+
+    #[test]
+    fn readings_equal_the_count_to_the_last_bit() {
+        let space = crate::stage::knobs().expect("the built-in knobs");
+        let (mut meter, ledger) = WorkMeter::open(None, LAYOUT).expect("prices");
+        let mut spent = |settings| {
+            let before = meter.energy().expect("a reading");
+            ledger.count(&space, settings);
+            (meter.energy().expect("a reading") - before).0
+        };
+        let first = spent(space.highest());
+        let low = spent(space.lowest());
+        assert!(low > 0.0 && low < 0.5 * first, "{low} of {first} J");
+        for _ in 0..1000 {
+            assert_eq!(spent(space.highest()).to_bits(), first.to_bits());
+        }
+        assert!((ledger.joules(&space, space.highest()) - first).abs() < 1e-8);
+    }
+
+    #[test]
+    fn files_without_prices_are_one_clear_error() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("prices.ron");
+        std::fs::write(&file, LAVAPIPE.replace("joules: [", "joules: [-1.0,")).expect("writes");
+        for (path, says) in
+            [(file.clone(), "finite"), (folder.path().join("none"), "frugal calibrate")]
+        {
+            let error = WorkMeter::open(path.to_str(), LAYOUT).expect_err("no prices").to_string();
+            assert!(error.contains(says) && error.contains("work="), "{error}");
+        }
+        assert_eq!(
+            (is_work_meter("work"), is_work_meter("work = a"), is_work_meter("nvml=1")),
+            (Some(None), Some(Some("a")), None)
+        );
+    }
+
+    #[test]
+    fn the_search_s_model_of_work_knows_the_plugin_s_numbers() {
+        use bevy_frugal_gi::gi::{FrugalGi, GiVisibility};
+        use frugal_search::cost::{MAX_VPLS_PER_PIXEL, VISIBILITY_RAYS};
+        let rays = GiVisibility::ALL.map(|level| [level.rays(), level.sky_rays()]);
+        assert_eq!((FrugalGi::MAX_VPLS_PER_PIXEL, rays), (MAX_VPLS_PER_PIXEL, VISIBILITY_RAYS));
+        // Its tests are worth what their knobs are.
+        let knobs = crate::stage::knobs().expect("the built-in knobs");
+        assert_eq!(frugal_search::testing::knobs(), knobs);
+        let every_knob = crate::stage::every_knob().expect("the built-in knobs");
+        assert_eq!(frugal_search::testing::every_knob(), every_knob);
+    }
+
+    #[test]
+    fn every_shared_knob_is_of_app_scope() {
+        use frugal_core::knobs::{KnobPlugin, KnobRegistry, KnobScope};
+        let mut app = bevy::app::App::new();
+        app.add_plugins(KnobPlugin);
+        let registry = app.world().resource::<KnobRegistry>();
+        for name in frugal_search::cost::SHARED_KNOBS {
+            let driver = registry.get(name).expect("a built-in knob");
+            assert_eq!(driver.scope(), KnobScope::App, "{name}");
+        }
+    }
+}
