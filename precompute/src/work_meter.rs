@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn every_shared_knob_is_of_app_scope() {
-        use frugal_core::knobs::{KnobPlugin, KnobRegistry, KnobScope};
+        use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobScope};
         let mut app = bevy::app::App::new();
         app.add_plugins(KnobPlugin);
         let registry = app.world().resource::<KnobRegistry>();

@@ -146,7 +146,6 @@ mod tests {
     use crate::evaluate::fake::{Fake, path, space};
     use crate::evaluate::play::{Against, play};
     use crate::evaluate::{Fixed, Pose};
-    use frugal_search::journal::{Existing, Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
         let folder = tempfile::tempdir().expect("a folder");
