@@ -1,10 +1,10 @@
 //! Physical units of the public interface as types, so that watts and joules cannot be confused.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 use std::fmt;
 use std::ops::{Add, Div, Mul, Sub};
 
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
 /// Power, in watts (J/s). A reading is finite and at least 0; a budget may be infinite. The type

@@ -26,15 +26,16 @@ mod plugin;
 mod power_feedback;
 mod write;
 
-pub use components::{
-    AppBudget, CameraPriority, ControlStatus, FrontierSource, OffReason, PowerController, Selection,
-};
-pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use frugal_core::control::{
     Budget, BudgetError, CameraController, Choice, ControlSettings, Decisions, ErrorFeedback,
     ErrorPace, ErrorPrice, Inputs, KnobBounds, Limit, MAX_OVER_MEAN, Outcome, PowerCorrection,
     PowerDivision, PowerModel, SettingsFilter, TransitionTimes, select,
 };
+
+pub use components::{
+    AppBudget, CameraPriority, ControlStatus, FrontierSource, OffReason, PowerController, Selection,
+};
+pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use maps::frontier_in_play;
 pub use plugin::{ControlPlugin, ControlSystems};
 pub use power_feedback::{FeedbackState, PowerFeedback};

@@ -7,6 +7,7 @@ mod asset;
 pub(crate) mod testing;
 mod view;
 
-pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
 pub use frugal_core::frontier::*;
+
+pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
 pub use view::camera_view;

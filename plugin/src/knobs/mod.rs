@@ -16,10 +16,11 @@ mod settings;
 mod warm;
 
 pub use crate::schedule::KnobSystems;
+pub use frugal_core::knobs::*;
+
 pub(crate) use builtin::allow_authored;
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, KnownKnobs, RegisterKnob};
 pub use field::{FieldKnob, KnobField};
-pub use frugal_core::knobs::*;
 pub use plugin::KnobPlugin;
 pub use settings::{AppliedKnobs, KnobSettings};
 pub use warm::WarmKnobs;

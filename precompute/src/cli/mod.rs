@@ -24,11 +24,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use frugal_search::files::FileError;
 
 use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::stage::{RemoteError, StageError};
-use frugal_search::files::FileError;
 
 /// Finds Pareto-optimal rendering settings in power and error for every camera of a scene.
 #[derive(Parser, Debug)]

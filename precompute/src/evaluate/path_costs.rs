@@ -11,7 +11,6 @@ use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_search::journal::JournalError;
 use frugal_search::table::CostTable;
 
-use super::render_path::read_line;
 use super::{Choice, EvaluationError, FrameRecord, PathPlan, Policy};
 
 /// Costs of settings at every frame of a path.
@@ -135,6 +134,14 @@ impl PathRecord {
 
 /// Keeps the logarithm of an error of 0 finite.
 const LEAST: f64 = 1e-4;
+
+fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
+    let mut words = record.strip_prefix("frame ")?.split(' ');
+    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
+    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
+    let frame = usize::try_from(number()?).ok()?;
+    Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
+}
 
 #[cfg(test)]
 mod tests {

@@ -134,14 +134,6 @@ fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
     )
 }
 
-pub(super) fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
-    let mut words = record.strip_prefix("frame ")?.split(' ');
-    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
-    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let frame = usize::try_from(number()?).ok()?;
-    Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
-}
-
 #[cfg(test)]
 mod tests {
     use frugal_search::journal::{Existing, JournalHeader};

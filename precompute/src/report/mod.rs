@@ -22,6 +22,10 @@ mod plot;
 mod search;
 mod survey;
 
+use frugal_core::frontier::FrontierPoint;
+use frugal_core::knobs::KnobSpace;
+use frugal_core::power::{MeterInfo, Provenance};
+
 pub(crate) use control_log::{
     control_log_report, facts as control_log_facts, heading as control_log_heading,
 };
@@ -31,10 +35,6 @@ pub(crate) use page::{Report, Section, escape};
 pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
 pub(crate) use search::{SearchSummary, search_section};
 pub(crate) use survey::Survey;
-
-use frugal_core::frontier::FrontierPoint;
-use frugal_core::knobs::KnobSpace;
-use frugal_core::power::{MeterInfo, Provenance};
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -6,52 +6,19 @@
 //! factor is interpreted as nits), alpha mask, and double-sidedness. Skins stay in their bind pose.
 //! Blended materials become opaque. Cameras, lights and animations are left out.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use frugal_trace::scene::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
 use glam::{Mat3, Mat4, Vec2, Vec3};
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
 use gltf::{Gltf, Primitive, Semantic};
-use thiserror::Error;
 
+pub(crate) use super::gltf_buffers::GltfError;
 use super::gltf_buffers::{Buffers, read_uri};
 
 /// Greatest number of triangles: nodes can repeat a mesh without limit, and memory is limited.
 const GREATEST_TRIANGLE_COUNT: usize = 50_000_000;
-
-/// Why a glTF file cannot be used.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub(crate) enum GltfError {
-    /// A file cannot be read.
-    #[error("cannot read {file}: {source}", file = file.display())]
-    Unreadable {
-        /// The glTF file itself, or one that it names.
-        file: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// The file is shorter than its header says: a copy or a download was cut short.
-    #[error(
-        "it is cut short: its header says {expected} bytes and it has {found}; copy or download it again"
-    )]
-    Truncated {
-        /// Bytes by the header.
-        expected: u64,
-        /// Bytes in the file.
-        found: u64,
-    },
-    /// The file is not valid glTF 2.0.
-    #[error("it is not a valid glTF 2.0 file: {0}")]
-    Syntax(#[from] gltf::Error),
-    /// The file is inconsistent.
-    #[error("it is broken: {0}")]
-    Broken(String),
-    /// The file uses an unsupported feature.
-    #[error("it uses an unsupported feature: {0}")]
-    Unsupported(String),
-}
 
 /// Reads the geometry of the file at `path`. Unsupported parts are listed in
 /// [`SceneGeometry::warnings`].

@@ -1,9 +1,43 @@
 //! The bytes of a glTF file's buffers, and bounds-checked typed reads.
 
-use super::gltf::GltfError;
+use std::path::{Path, PathBuf};
+
 use gltf::accessor::{DataType, Dimensions};
 use gltf::{Accessor, Gltf, buffer};
-use std::path::Path;
+use thiserror::Error;
+
+/// Why a glTF file cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub(crate) enum GltfError {
+    /// A file cannot be read.
+    #[error("cannot read {file}: {source}", file = file.display())]
+    Unreadable {
+        /// The glTF file itself, or one that it names.
+        file: PathBuf,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// The file is shorter than its header says: a copy or a download was cut short.
+    #[error(
+        "it is cut short: its header says {expected} bytes and it has {found}; copy or download it again"
+    )]
+    Truncated {
+        /// Bytes by the header.
+        expected: u64,
+        /// Bytes in the file.
+        found: u64,
+    },
+    /// The file is not valid glTF 2.0.
+    #[error("it is not a valid glTF 2.0 file: {0}")]
+    Syntax(#[from] gltf::Error),
+    /// The file is inconsistent.
+    #[error("it is broken: {0}")]
+    Broken(String),
+    /// The file uses an unsupported feature.
+    #[error("it uses an unsupported feature: {0}")]
+    Unsupported(String),
+}
 
 /// All buffers of a file, in its order.
 pub(super) struct Buffers(Vec<Vec<u8>>);

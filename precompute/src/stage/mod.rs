@@ -39,12 +39,12 @@ use glam::{Quat, Vec3};
 use crate::meters::Meter;
 use crate::scene::LoadedScene;
 use crate::work_meter::WorkLedger;
+pub use frugal_trace::metrics::Radiance;
 
 pub use app::{adapter, software_adapter};
 pub use error::StageError;
 pub use evaluator::StageEvaluator;
 pub(crate) use frame_renderer::{FrameRenderer, RenderedFrame};
-pub use frugal_trace::metrics::Radiance;
 pub use options::{Component, Output, StageOptions};
 pub(crate) use remote::{RemoteError, RemoteStage, serve};
 pub use useful::every_knob;

@@ -1,12 +1,13 @@
 //! Bounds on knobs that the player or the app sets, and the frontier within them.
 
+use std::sync::Arc;
+
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
-use std::sync::Arc;
 
 use crate::frontier::{Frontier, FrontierPoint};
 use crate::knobs::{KnobLevels, KnobSpace};

@@ -1,12 +1,13 @@
 //! The limits of a camera, as the app gives them.
 
+use std::time::Duration;
+
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
-use std::time::Duration;
 
 use crate::units::{Joules, Watts};
 

@@ -10,10 +10,11 @@
 //! the two. Beside them there is a bias of the present address: the map's price error differs between
 //! addresses, and would be taken for a gain.
 
-use super::history::{MAX_WATTS, PredictionHistory};
-use crate::units::Watts;
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
+
+use super::history::{MAX_WATTS, PredictionHistory};
+use crate::units::Watts;
 
 /// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
 /// lower values follow slow drift, such as a device that warms up, sooner.

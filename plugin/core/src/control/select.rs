@@ -3,12 +3,13 @@
 //! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an
 //! error), each one binary search.
 
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+
 use super::limits::Limits;
 use super::{Budget, Limit};
 use crate::frontier::{CostPoint, ERROR_UNIT, ErrorRates, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 
 /// Whether the budget is met, and the fallback where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! Settings: one level per knob, packed into an integer.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 use std::fmt;
 
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

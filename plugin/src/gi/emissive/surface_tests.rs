@@ -1,6 +1,7 @@
+use bevy::math::{Quat, Vec3A};
+
 use super::*;
 use crate::gi::surfaces::TrianglePoint;
-use bevy::math::{Quat, Vec3A};
 
 /// A rectangle of 2 m × 1 m in the plane z = 0 that faces +Z, in two triangles.
 const PANEL: [[Vec3; 3]; 2] = [

@@ -20,11 +20,11 @@ use bevy::math::primitives::{HalfSpace, ViewFrustum};
 use bevy::math::{Vec3A, Vec4};
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
+use fixedbitset::FixedBitSet;
 
 use super::map::RsmView;
 use crate::gi::surfaces::MeshChanges;
 use crate::gi::view::GiFrame;
-use fixedbitset::FixedBitSet;
 
 /// Padding of a map's frustum, as a share of its diagonal. Higher values list anew less often while
 /// a map moves; lower values draw fewer meshes that it does not show.

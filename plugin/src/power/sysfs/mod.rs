@@ -18,12 +18,12 @@ pub(crate) mod rapl;
 #[cfg(test)]
 mod tests;
 
-use cards::Card;
-
 use crate::power::kind::{Opened, Wanted};
 use crate::power::root::{Fault, NumberFile, SysRoot};
 use crate::power::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
+
+use cards::Card;
 
 /// Time between two readings of a power, seconds.
 const POLL_SECONDS: f64 = 0.1;

@@ -46,13 +46,14 @@ use bevy::app::{Last, Startup};
 use bevy::ecs::schedule::common_conditions::resource_exists;
 use bevy::prelude::*;
 use bevy::time::Real;
-
-use crate::row_log::RowLog;
 use bevy_frugal_gi::control::{AppBudget, Budget, Selection, SettingsSwitched};
 use bevy_frugal_gi::error_meter::MeasuredError;
 use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::power::MeteredPower;
 use bevy_frugal_gi::units::Watts;
+
+use crate::row_log::RowLog;
+
 pub use sample::ControlSample;
 use sample::status;
 

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use bevy::prelude::*;
 use bevy::time::Real;
+use bevy_frugal_gi::control::SettingsSwitched;
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
 
 use super::HudSettings;
 use super::text::switch_line;
-use bevy_frugal_gi::control::SettingsSwitched;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
 
 /// Most entries kept, of all cameras together.
 const MAX_ENTRIES: usize = 64;

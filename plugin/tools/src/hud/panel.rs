@@ -5,11 +5,6 @@ use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
-
-use super::log::SwitchLog;
-use super::plot::{self, Plot};
-use super::text::{Detail, Facts, caption};
-use super::{HasPanel, HudPart};
 use bevy_frugal_gi::control::{
     AppBudget, Budget, FrontierSource, PowerController, PowerCorrection, PowerFeedback, Selection,
     frontier_in_play,
@@ -21,6 +16,11 @@ use bevy_frugal_gi::frontier::{
 use bevy_frugal_gi::knobs::{KnobSettings, WarmKnobs};
 use bevy_frugal_gi::power::MeteredPower;
 use bevy_frugal_gi::units::Watts;
+
+use super::log::SwitchLog;
+use super::plot::{self, Plot};
+use super::text::{Detail, Facts, caption};
+use super::{HasPanel, HudPart};
 
 /// Space inside a panel's border, logical pixels.
 const PADDING: f32 = 6.0;

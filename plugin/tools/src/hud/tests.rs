@@ -10,14 +10,14 @@ use bevy::light::VolumetricFog;
 use bevy::light::{DirectionalLightShadowMap, PointLightShadowMap};
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
 use bevy::time::TimeUpdateStrategy;
-
-use super::panel::Panel;
-use super::*;
-use crate::testing;
 use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
 use bevy_frugal_gi::units::Watts;
+
+use super::panel::Panel;
+use super::*;
+use crate::testing;
 
 /// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and
 /// a camera with that view direction.

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::*;
-use crate::testing::{self, changed};
 use bevy_frugal_gi::control::{Limit, OffReason};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Joules;
+
+use super::*;
+use crate::testing::{self, changed};
 
 fn active(outcome: Outcome) -> Selection {
     changed(Selection::default(), |it| {

@@ -11,12 +11,12 @@ use bevy::camera::{CameraOutputMode, ImageRenderTarget, RenderTarget};
 use bevy::ecs::entity::EntityCloner;
 use bevy::prelude::*;
 use bevy::render::render_resource::TextureFormat;
-
-use super::{HudPart, UiCamera};
 use bevy_frugal_gi::camera_copy::copy_looks;
 use bevy_frugal_gi::control::Selection;
 use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::resolution::ResolutionScale;
+
+use super::{HudPart, UiCamera};
 
 const BORDER: Color = Color::srgb(1.0, 0.9, 0.2);
 

@@ -15,12 +15,12 @@ use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
 use bevy::render::render_resource::Face;
+use bevy_frugal_gi::gi::{FrugalGi, RsmView};
 use image::ImageFormat;
 
 use super::description::{Bounds, Environment, Geometry, Lens, LightData, SceneFile, paths};
 use super::glb::{GeometryData, Instance, MaterialData, MeshData};
 use super::tour::Key;
-use bevy_frugal_gi::gi::{FrugalGi, RsmView};
 
 /// The lens of a camera without a perspective one, as Bevy's default: degrees and metres.
 const LENS: (f32, f32, f32) = (45.0, 0.1, 1000.0);

@@ -7,6 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::free_space::is_usable;
 use super::pose::FREE;
+use super::stretch::locate;
 use super::{Clearance, FreeSpace, MovingCamera, stretches};
 
 /// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
@@ -80,22 +81,6 @@ pub fn sampled(
             Some(TrackSample::between(at(frame.saturating_sub(1))?, at(frame)?, step as f32))
         })
         .collect()
-}
-
-/// Number and samples of the track with sample `of_all` of all tracks' samples, and the sample's
-/// index in it.
-pub(super) fn locate(
-    tracks: &[Vec<TrackSample>],
-    of_all: usize,
-) -> Option<(usize, &[TrackSample], usize)> {
-    let mut index = of_all;
-    for (number, track) in tracks.iter().enumerate() {
-        if index < track.len() {
-            return Some((number, track, index));
-        }
-        index -= track.len();
-    }
-    None
 }
 
 impl TrackSample {

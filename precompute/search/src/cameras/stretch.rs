@@ -3,7 +3,6 @@
 use frugal_trace::scene::CameraPose;
 
 use super::TrackSample;
-use super::set::locate;
 
 /// `count` stretches of `frames` poses each, that end evenly over all of `tracks`. Fewer where a
 /// track is shorter, or cuts within the stretch.
@@ -18,6 +17,22 @@ pub fn stretches(tracks: &[Vec<TrackSample>], count: usize, frames: usize) -> Ve
         is_whole.then(|| stretch.iter().map(|sample| sample.pose).collect())
     })
     .collect()
+}
+
+/// Number and samples of the track with sample `of_all` of all tracks' samples, and the sample's
+/// index in it.
+pub(super) fn locate(
+    tracks: &[Vec<TrackSample>],
+    of_all: usize,
+) -> Option<(usize, &[TrackSample], usize)> {
+    let mut index = of_all;
+    for (number, track) in tracks.iter().enumerate() {
+        if index < track.len() {
+            return Some((number, track, index));
+        }
+        index -= track.len();
+    }
+    None
 }
 
 #[cfg(test)]

@@ -16,11 +16,11 @@ use std::io::{self, Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::files::FileError;
+
 pub use contents::hash;
 use contents::{Contents, MAGIC, is_of_us, is_unbegun, line};
 pub use error::JournalError;
-
-use crate::files::FileError;
 
 /// Greatest delay before records reach the disk; they reach the operating system at once. A kill
 /// loses nothing, a power cut a second.

@@ -1,9 +1,8 @@
 //! Calibration of error budgets by a search's cameras.
 
-use frugal_core::frontier::{ErrorRates, Frontier, look_up_in};
+use frugal_core::frontier::{CameraView, ErrorRates, Frontier, look_up_in};
 use frugal_core::knobs::KnobLevels;
 
-use super::finish::views;
 use super::{PlayShare, Subject};
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::fit::{Calibration, Fitted, calibrate};
@@ -85,4 +84,15 @@ pub(super) fn calibrated(
     let cameras: Vec<Calibration<'_>> =
         all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
     calibrate(&cameras, &|error| played.uncertainty(error))
+}
+
+/// The views of cameras through a lens: vertical field of view in radians, and width ÷ height.
+pub(super) fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
+    let view = |camera: &MovingCamera| CameraView {
+        position: camera.pose.position,
+        rotation: camera.pose.rotation,
+        vertical_fov: lens.0,
+        aspect: lens.1,
+    };
+    cameras.iter().map(view).collect()
 }

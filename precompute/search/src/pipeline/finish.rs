@@ -2,7 +2,7 @@
 
 use frugal_core::frontier::CameraView;
 
-use super::budgets::{Evidence, calibrated};
+use super::budgets::{Evidence, calibrated, views};
 use super::modelled::{Modelled, readings};
 use super::{Extent, Features, Outcome, Purpose, Rendered, Renderings, Subject, table};
 use crate::cameras::{CameraSet, MovingCamera};
@@ -102,17 +102,6 @@ pub(super) fn finish<M: Measure>(
         noise: costs.rendered.known_mean_error(best).unwrap_or(0.0),
         fitted,
     }
-}
-
-/// The views of cameras through a lens: vertical field of view in radians, and width ÷ height.
-pub(super) fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
-    let view = |camera: &MovingCamera| CameraView {
-        position: camera.pose.position,
-        rotation: camera.pose.rotation,
-        vertical_fov: lens.0,
-        aspect: lens.1,
-    };
-    cameras.iter().map(view).collect()
 }
 
 fn described<'a>(

@@ -5,15 +5,42 @@ use std::time::Duration;
 
 use clap::builder::RangedU64ValueParser;
 use frugal_core::units::Watts;
+use frugal_search::cameras::TrackSample;
+use frugal_search::pipeline::PipelineConfig;
 
 use super::super::CliError;
-use super::super::arguments::duration;
+use super::super::arguments::{CaptureArguments, WorkerArguments, duration};
 use super::super::input::path_called;
+use super::super::journal::JournalArguments;
 use crate::evaluate::PowerBudget;
 use crate::scene::SceneDescription;
 use crate::subject::{recorded_tracks, tracks_of};
-use frugal_search::cameras::TrackSample;
-use frugal_search::pipeline::PipelineConfig;
+
+#[derive(clap::Args, Debug)]
+pub(in crate::cli) struct Arguments {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    pub(super) scene: PathBuf,
+    /// Map to write; default: the scene's name with .pareto.ron, beside the scene
+    #[arg(short, long, value_name = "MAP")]
+    pub(super) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) capture: CaptureArguments,
+    #[command(flatten)]
+    pub(super) search: SearchArguments,
+    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; with --resume
+    /// a shard reads the others' journals beside the map. Without a time limit, which each shard would
+    /// keep apart
+    #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "time_limit")]
+    pub(super) shard: Option<(usize, usize)>,
+    #[command(flatten)]
+    pub(super) workers: WorkerArguments,
+    #[command(flatten)]
+    pub(super) journal: JournalArguments,
+    /// Folder for a report on the search and its map
+    #[arg(long, value_name = "DIR")]
+    pub(super) report: Option<PathBuf>,
+}
 
 /// Highest frame rate at which tracks are sampled, hertz.
 const FASTEST: f64 = 1000.0;

@@ -4,47 +4,16 @@ mod arguments;
 mod outcome;
 mod search;
 
-use std::path::PathBuf;
-
 use super::CliError;
-use super::arguments::{
-    CaptureArguments, WorkerArguments, check_outputs, check_report, write, write_report,
-};
+use super::arguments::{check_outputs, check_report, write, write_report};
 use super::input::{open_scene, stage_for};
-use super::journal::{JournalArguments, journal_path, other_journals};
+use super::journal::{journal_path, other_journals};
 use crate::report::{Report, map_section, search_section};
 use crate::stage::RemoteStage;
 
-use arguments::SearchArguments;
-use arguments::shard;
+pub(super) use arguments::Arguments;
 use outcome::print_outcome;
 use search::{SearchPlan, search};
-
-#[derive(clap::Args, Debug)]
-pub(super) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
-    /// Map to write; default: the scene's name with .pareto.ron, beside the scene
-    #[arg(short, long, value_name = "MAP")]
-    output: Option<PathBuf>,
-    #[command(flatten)]
-    capture: CaptureArguments,
-    #[command(flatten)]
-    search: SearchArguments,
-    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; with --resume
-    /// a shard reads the others' journals beside the map. Without a time limit, which each shard would
-    /// keep apart
-    #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "time_limit")]
-    shard: Option<(usize, usize)>,
-    #[command(flatten)]
-    workers: WorkerArguments,
-    #[command(flatten)]
-    journal: JournalArguments,
-    /// Folder for a report on the search and its map
-    #[arg(long, value_name = "DIR")]
-    report: Option<PathBuf>,
-}
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.scene)?;

@@ -1,7 +1,8 @@
 //! The outcome of a search in words.
 
-use crate::report::SearchSummary;
 use frugal_search::pipeline::{Extent, describe};
+
+use crate::report::SearchSummary;
 
 /// Prints effort, losses, size of the map and accuracy of its figures.
 pub(super) fn print_outcome(searched: &SearchSummary) {

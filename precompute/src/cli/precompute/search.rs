@@ -15,7 +15,7 @@ use super::super::CliError;
 use super::super::input::knobs;
 use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
 use super::super::progress::Progress;
-use super::{Arguments, SearchArguments};
+use super::arguments::{Arguments, SearchArguments};
 use crate::device;
 use crate::report::SearchSummary;
 use crate::scene::{LoadedScene, SceneDescription};

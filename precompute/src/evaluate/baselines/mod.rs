@@ -13,14 +13,14 @@
 mod oracle;
 mod reactive;
 
-pub(crate) use oracle::{Oracle, oracle};
-pub(crate) use reactive::{Reactive, ladder};
-
 use frugal_core::frontier::{CostPoint, Frontier};
 use frugal_core::knobs::KnobLevels;
+use frugal_search::table::CostTable;
 
 use crate::evaluate::ResolvedBudget;
-use frugal_search::table::CostTable;
+
+pub(crate) use oracle::{Oracle, oracle};
+pub(crate) use reactive::{Reactive, ladder};
 
 /// The best settings for `budget` by their mean costs, among those known at every camera of
 /// `table`.

@@ -4,11 +4,11 @@ use frugal_core::control::{Budget, select};
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
+use frugal_search::cameras::MovingCamera;
 
 use super::{SearchSummary, mean_cost, selected, training_cameras};
 use crate::report::plan::Plan;
 use crate::report::{Bar, Color, Curve, ReportError, bars, cloud, curves, staircase};
-use frugal_search::cameras::MovingCamera;
 
 /// The error budget under which settings are selected.
 pub(super) const PLAN_BUDGET: f64 = 0.02;

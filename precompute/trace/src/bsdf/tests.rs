@@ -1,6 +1,7 @@
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use super::*;
 use crate::scene::SceneMaterial;
-use std::f64::consts::{FRAC_PI_2, PI};
 
 fn bsdf(material: &SceneMaterial, view_degrees: f64, shading: Shading) -> Bsdf {
     let [red, green, blue, _] = material.base_color.map(f64::from);

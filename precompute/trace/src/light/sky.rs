@@ -1,7 +1,8 @@
 //! The environment as a light.
 
-use glam::DVec3;
 use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
 
 use crate::color::{color, luminance};
 use crate::scene::SkyMap;

@@ -6,11 +6,12 @@
 //! 1997) in double precision with a slightly widened triangle, because a ray through the seam of a
 //! closed solid would make its inside look open.
 
+use std::time::Duration;
+
 use glam::{DVec3, Quat, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
-use std::time::Duration;
 
 use super::mesh::{SceneGeometry, Triangle};
 

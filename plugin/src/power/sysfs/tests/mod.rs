@@ -7,13 +7,13 @@ mod variants;
 
 use std::time::{Duration, Instant};
 
-use play::{HIGH, LOW, Play, TRUE};
-use variants::{Reads, VARIANTS, Variant};
-
 use super::fake::{Tree, opened};
 use super::jetson;
 use crate::power::kind::Wanted;
 use crate::power::{MeterState, PowerSampler, SamplerSettings};
+
+use play::{HIGH, LOW, Play, TRUE};
+use variants::{Reads, VARIANTS, Variant};
 
 /// Errors of Linux, with what is said of them.
 const ERRORS: [(i32, &str); 5] =

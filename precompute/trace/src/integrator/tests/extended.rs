@@ -1,8 +1,9 @@
 //! Lights with extent: form factors in closed form, and agreement of the sampling strategies.
 
+use std::f64::consts::PI;
+
 use super::*;
 use crate::scene::{AlphaMode, SceneTexture, SkyMap};
-use std::f64::consts::PI;
 
 const STRATEGIES: [Strategy; 3] = [Strategy::Combined, Strategy::Lights, Strategy::Scattering];
 

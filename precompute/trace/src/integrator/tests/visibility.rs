@@ -1,8 +1,9 @@
 //! Occlusion: sides, cut-outs, seams.
 
+use std::f64::consts::PI;
+
 use super::*;
 use crate::scene::{AlphaMode, SceneTexture};
-use std::f64::consts::PI;
 
 /// The lit floor's radiance under a sun of 1000 lux straight above.
 const LIT: f64 = 1000.0 / PI;
