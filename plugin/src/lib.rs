@@ -81,12 +81,12 @@ impl PluginGroup for FrugalGiPlugins {
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{
-        AppBudget, Budget, BudgetStateChanged, ControlStatus, KnobBounds, MapRejected, Outcome,
-        PowerController, Selection, SettingsSwitched,
+        AppBudget, Budget, BudgetStateChanged, ControlStatus, FrontierSource, KnobBounds,
+        MapRejected, Outcome, PowerController, Selection, SettingsSwitched,
     };
     pub use crate::error_meter::ErrorMeter;
     pub use crate::frontier::FrontierMap;
-    pub use crate::gi::{CameraCut, FrugalGi, GiSupport};
+    pub use crate::gi::{CameraCut, FrugalGi, GiPlugin, GiSupport};
     pub use crate::knobs::{KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::pacing::FrameRateLimit;
     pub use crate::power::MeteredPower;

@@ -1,32 +1,36 @@
 //! The settings of an app that sets nothing.
 
 use bevy::app::App;
+use bevy::ecs::world::World;
 use bevy_frugal_gi::gi::FrugalGi;
-use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
-use frugal_core::knobs::{KnobLevels, KnobSpace};
+use bevy_frugal_gi::knobs::{KnobDriver, KnobPlugin, KnobRegistry};
+use frugal_core::knobs::{KnobLevels, KnobSpace, Level};
 
-/// The levels nearest to `FrugalGi::default()`, and the best of every other knob.
+/// The levels of `FrugalGi::default()`, and the best of every other knob.
 pub(crate) fn default_settings(space: &KnobSpace) -> KnobLevels {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
-    let camera = app.world_mut().spawn(FrugalGi::default()).id();
-    let world = app.world();
-    let registry = world.resource::<KnobRegistry>();
-    // Of a field of the component one level is applied, of all else every level or none.
+    let registry = app.world().resource::<KnobRegistry>();
     let default = |name: &str| {
         let driver = registry.get(name)?;
         let mut levels = driver.knob().levels;
         let count = levels.len();
-        levels.retain(|level| driver.is_applied(world, camera, level));
+        levels.retain(|level| leaves_the_default(&**driver, level));
+        // What is no field of the component is left by every level.
         (levels.len() < count).then(|| levels.first().map(|level| level.value)).flatten()
     };
     space.from_levels(|_, knob| {
-        let nearest = default(&knob.name).and_then(|value| {
-            let far = |level: &usize| (knob.levels[*level].value - value).abs();
-            (0..knob.levels.len()).min_by(|a, b| far(a).total_cmp(&far(b)))
-        });
-        nearest.unwrap_or(knob.levels.len() - 1)
+        let is_default = |value: f64| knob.levels.iter().position(|level| level.value == value);
+        default(&knob.name).and_then(is_default).unwrap_or(knob.levels.len() - 1)
     })
+}
+
+/// Whether `level` leaves a camera's `FrugalGi::default()` as it is.
+fn leaves_the_default(driver: &dyn KnobDriver, level: &Level) -> bool {
+    let mut world = World::new();
+    let camera = world.spawn(FrugalGi::default()).id();
+    driver.apply(&mut world, camera, level);
+    world.get::<FrugalGi>(camera) == Some(&FrugalGi::default())
 }
 
 #[cfg(test)]
@@ -56,14 +60,12 @@ mod tests {
     fn every_value_of_the_component_is_a_level_of_its_knob() {
         let mut app = App::new();
         app.add_plugins(KnobPlugin);
-        let camera = app.world_mut().spawn(FrugalGi::default()).id();
         let registry = app.world().resource::<KnobRegistry>();
         for name in registry.names() {
             let driver = registry.get(name).expect("a driver");
             let levels = driver.knob().levels;
-            let is_applied = |level| driver.is_applied(app.world(), camera, level);
-            let applied = levels.iter().filter(|level| is_applied(level)).count();
-            assert!(applied == 1 || applied == levels.len(), "{name}: {applied}");
+            let left = levels.iter().filter(|level| leaves_the_default(&**driver, level)).count();
+            assert!(left == 1 || left == levels.len(), "{name}: {left}");
         }
     }
 }

@@ -140,7 +140,7 @@ fn files_that_do_not_load_turn_the_controller_off() {
     let text = testing::map(1).to_ron().expect("writable");
     files.insert_asset_text(Path::new("half.pareto.ron"), &text[..text.len() / 2]);
     files
-        .insert_asset_text(Path::new("newer.pareto.ron"), &text.replace("version:2", "version:99"));
+        .insert_asset_text(Path::new("newer.pareto.ron"), &text.replace("version:1", "version:99"));
     files.insert_asset(Path::new("binary.pareto.ron"), vec![0xff_u8; 40]);
     for file in ["half.pareto.ron", "newer.pareto.ron", "binary.pareto.ron", "missing.pareto.ron"] {
         let mut app = app_with(files.clone());

@@ -8,7 +8,7 @@ use bevy::time::Real;
 use bevy_frugal_gi::control::SettingsSwitched;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
 
-use super::HudSettings;
+use super::settings::HudSettings;
 use super::text::switch_line;
 
 /// Most entries kept, of all cameras together.

@@ -19,8 +19,13 @@ use bevy_frugal_gi::units::Watts;
 
 use super::log::SwitchLog;
 use super::plot::{self, Plot};
+use super::settings::HudPart;
 use super::text::{Detail, Facts, caption};
-use super::{HasPanel, HudPart};
+use super::wipe::WipeCamera;
+
+/// A camera that has a panel.
+pub(super) type HasPanel =
+    (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
 
 /// Space inside a panel's border, logical pixels.
 const PADDING: f32 = 6.0;

@@ -86,7 +86,7 @@ fn maps_that_cannot_be_used_are_named() {
     };
     check(None, &[]);
     check(Some(&text[..text.len() / 2]), &["cut off"]);
-    check(Some(&text.replacen("version:2", "version:3", 1)), &["version 3"]);
+    check(Some(&text.replacen("version:1", "version:3", 1)), &["version 3"]);
     check(Some(&text.replace(&map.scene.fingerprint, "another")), &["another"]);
     check(Some(&text.replace("gi_vpl_count", "sharpness")), &["sharpness"]);
     let empty = FrontierMap { capture: Capture { size: [0, 36], ..map.capture }, ..map.clone() };
