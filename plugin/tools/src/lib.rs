@@ -3,10 +3,10 @@
 //!
 //! | plugin | job |
 //! |---|---|
-//! | [`HudPlugin`](hud::HudPlugin) | shows what the controller does, over the image |
-//! | [`ControlLogPlugin`](control_log::ControlLogPlugin) | writes what the controller does to a file |
-//! | [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) | records camera paths for `frugal precompute --cameras` |
-//! | [`SceneExportPlugin`](scene_export::SceneExportPlugin) | writes the app's scene for `frugal` |
+//! | [`HudPlugin`] | shows what the controller does, over the image |
+//! | [`ControlLogPlugin`] | writes what the controller does to a file |
+//! | [`CameraRecorderPlugin`] | records camera paths for `frugal precompute --cameras` |
+//! | [`SceneExportPlugin`] | writes the app's scene for `frugal` |
 //!
 //! They read an app and change nothing of it. None is part of
 //! [`FrugalGiPlugins`](bevy_frugal_gi::FrugalGiPlugins).
