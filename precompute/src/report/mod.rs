@@ -31,8 +31,8 @@ pub(crate) use control_log::{
 };
 pub(crate) use evaluation::evaluation_report;
 pub(crate) use map::{map_report, map_section};
-pub(crate) use page::{Report, Section, escape};
-pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
+pub(crate) use page::{Report, Section};
+pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, escape, staircase};
 pub(crate) use search::{SearchSummary, search_section};
 pub(crate) use survey::Survey;
 

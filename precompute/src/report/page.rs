@@ -7,28 +7,10 @@ use base64::engine::general_purpose::STANDARD;
 
 use frugal_trace::metrics::Picture;
 
-use super::{Color, Fact, ReportError};
+use super::{Color, Fact, ReportError, escape};
 
 /// Light and dark mode by the reader's preference; one column on a phone; wide elements scroll.
 const STYLE: &str = include_str!("style.css");
-
-/// `text` as HTML text or as the value of a quoted attribute.
-pub(crate) fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\'' => escaped.push_str("&#39;"),
-            // Not allowed in HTML, not even escaped.
-            '\0'..='\u{8}' | '\u{b}' | '\u{c}' | '\u{e}'..='\u{1f}' => escaped.push('\u{fffd}'),
-            _ => escaped.push(character),
-        }
-    }
-    escaped
-}
 
 /// A page under construction.
 #[derive(Clone, Debug)]

@@ -11,7 +11,7 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::Color as _;
 
-use super::{ReportError, escape};
+use super::ReportError;
 
 /// Width and height of a plot, in its own pixels; pages scale it.
 const SIZE: (u32, u32) = (560, 320);
@@ -289,6 +289,24 @@ fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
     } else {
         (low - 0.5 * size, high + 0.5 * size)
     }
+}
+
+/// `text` as HTML text or as the value of a quoted attribute.
+pub(crate) fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            // Not allowed in HTML, not even escaped.
+            '\0'..='\u{8}' | '\u{b}' | '\u{c}' | '\u{e}'..='\u{1f}' => escaped.push('\u{fffd}'),
+            _ => escaped.push(character),
+        }
+    }
+    escaped
 }
 
 #[cfg(test)]

@@ -12,5 +12,5 @@ pub(crate) use free_space::{Clearance, FreeSpace};
 #[cfg(test)]
 pub(crate) use pose::FREE;
 pub use pose::MovingCamera;
-pub use set::{CameraMix, CameraSet, TrackSample, sampled};
-pub use stretch::stretches;
+pub use set::{CameraMix, CameraSet, sampled};
+pub use stretch::{TrackSample, stretches};

@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::free_space::is_usable;
 use super::pose::FREE;
-use super::stretch::locate;
-use super::{Clearance, FreeSpace, MovingCamera, stretches};
+use super::stretch::{TrackSample, locate, stretches};
+use super::{Clearance, FreeSpace, MovingCamera};
 
 /// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
 const PITCH: f32 = 0.5;
@@ -19,17 +19,6 @@ const WALK: (f32, f32) = (1.5, 0.5);
 const BLOCK: u32 = 2;
 /// Attempts per requested camera.
 const TRIES: usize = 60;
-
-/// One moment of a track: a path of the scene, or a recording.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrackSample {
-    /// The camera's pose.
-    pub pose: CameraPose,
-    /// Metres per second.
-    pub velocity: Vec3,
-    /// Axis times radians per second.
-    pub turn: Vec3,
-}
 
 /// Shares of the sources of cameras. The rest is from free space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,25 +70,6 @@ pub fn sampled(
             Some(TrackSample::between(at(frame.saturating_sub(1))?, at(frame)?, step as f32))
         })
         .collect()
-}
-
-impl TrackSample {
-    /// The sample at `to`, `step` seconds after `from`. A jump is a cut, with no motion.
-    pub fn between(from: CameraPose, to: CameraPose, step: f32) -> Self {
-        let velocity = (to.position - from.position) / step;
-        let turn = (to.rotation * from.rotation.inverse()).to_scaled_axis() / step;
-        let is_cut = !(velocity.length() < 30.0 && turn.length() < 12.0);
-        if is_cut {
-            Self { pose: to, velocity: Vec3::ZERO, turn: Vec3::ZERO }
-        } else {
-            Self { pose: to, velocity, turn }
-        }
-    }
-
-    /// Whether the camera did not move here `from` another place, but was cut.
-    pub fn is_cut(&self, from: CameraPose) -> bool {
-        self.pose != from && self.velocity == Vec3::ZERO && self.turn == Vec3::ZERO
-    }
 }
 
 /// Sources of cameras.

@@ -1,8 +1,37 @@
 //! Stretches of tracks: what a camera shows in the second before a moment, as in play.
 
 use frugal_trace::scene::CameraPose;
+use glam::Vec3;
 
-use super::TrackSample;
+/// One moment of a track: a path of the scene, or a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackSample {
+    /// The camera's pose.
+    pub pose: CameraPose,
+    /// Metres per second.
+    pub velocity: Vec3,
+    /// Axis times radians per second.
+    pub turn: Vec3,
+}
+
+impl TrackSample {
+    /// The sample at `to`, `step` seconds after `from`. A jump is a cut, with no motion.
+    pub fn between(from: CameraPose, to: CameraPose, step: f32) -> Self {
+        let velocity = (to.position - from.position) / step;
+        let turn = (to.rotation * from.rotation.inverse()).to_scaled_axis() / step;
+        let is_cut = !(velocity.length() < 30.0 && turn.length() < 12.0);
+        if is_cut {
+            Self { pose: to, velocity: Vec3::ZERO, turn: Vec3::ZERO }
+        } else {
+            Self { pose: to, velocity, turn }
+        }
+    }
+
+    /// Whether the camera did not move here `from` another place, but was cut.
+    pub fn is_cut(&self, from: CameraPose) -> bool {
+        self.pose != from && self.velocity == Vec3::ZERO && self.turn == Vec3::ZERO
+    }
+}
 
 /// `count` stretches of `frames` poses each, that end evenly over all of `tracks`. Fewer where a
 /// track is shorter, or cuts within the stretch.

@@ -5,7 +5,7 @@
 
 use frugal_core::frontier::CostPoint;
 
-use super::estimate::Estimate;
+use super::training::Estimate;
 use crate::farthest::{Farthest, farthest};
 use crate::pool::LEAST_ERROR;
 

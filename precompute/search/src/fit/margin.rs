@@ -9,8 +9,9 @@
 use frugal_core::frontier::CostPoint;
 
 use super::calibrate::QUANTILE;
-use super::estimate::{Estimate, Training};
-use super::smooth::{Smoother, Viewpoint};
+use super::regression::Viewpoint;
+use super::smooth::Smoother;
+use super::training::{Estimate, Training};
 
 /// Weight of cameras on tracks, in cameras at the exact viewpoint, below which a viewpoint counts as
 /// away from them.

@@ -17,12 +17,13 @@ mod regression;
 mod smooth;
 #[cfg(test)]
 mod tests;
+mod training;
 mod validate;
 
 pub(crate) use calibrate::{Calibration, calibrate};
 pub(crate) use completion::Completion;
-pub(crate) use estimate::Training;
 pub(crate) use octree::{FitConfig, FitReport, Fitted, fit};
 pub(crate) use regression::DescribedView;
 pub(crate) use smooth::Smoother;
+pub(crate) use training::Training;
 pub(crate) use validate::Losses;

@@ -7,9 +7,10 @@ use frugal_core::frontier::{
 };
 
 use super::cluster::cluster;
-use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
+use super::estimate::{Keys, Pyramid, leaf_at};
 use super::margin::{Margin, is_away};
-use super::smooth::Viewpoint;
+use super::regression::Viewpoint;
+use super::training::{Estimate, Training};
 use super::validate::HeldOut;
 use super::{Losses, Smoother};
 

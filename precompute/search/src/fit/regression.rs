@@ -4,11 +4,15 @@
 //! Views are alike where they show alike things ([view features](crate::view_features)), and where
 //! they are near each other. Logarithms of errors are predicted, with their uncertainty.
 
-use super::smooth::Viewpoint;
+use frugal_core::frontier::CameraView;
+use glam::Vec3;
+
 use crate::linalg::{cholesky, dot, inverse};
 use crate::pool::LEAST_ERROR;
 use crate::view_features::ViewFeatures;
 
+/// Unit of distance between viewpoints: metres, and radians of rotation, per step.
+const STEP: (f32, f32) = (2.0, 0.7);
 /// Variances of a linear function of the features, of a smooth one, and of one of position and
 /// direction, in parts of a setting's own.
 const VARIANCES: [f64; 3] = [0.5, 0.5, 0.4];
@@ -16,6 +20,28 @@ const VARIANCES: [f64; 3] = [0.5, 0.5, 0.4];
 const REACH: f32 = 1.0;
 /// Variance of what neither explains, and of the renderings' noise. Higher values predict means.
 const NOISE: f64 = 0.1;
+
+/// A camera's position and direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Viewpoint {
+    position: Vec3,
+    forward: Vec3,
+}
+
+impl From<&CameraView> for Viewpoint {
+    fn from(view: &CameraView) -> Self {
+        Self { position: view.position, forward: view.rotation * Vec3::NEG_Z }
+    }
+}
+
+impl Viewpoint {
+    /// Distance of two viewpoints in steps; infinite instead of NaN.
+    pub(super) fn steps(&self, other: &Self) -> f32 {
+        let metres = self.position.distance(other.position) / STEP.0;
+        let turn = self.forward.angle_between(other.forward) / STEP.1;
+        if (metres + turn).is_finite() { metres + turn } else { f32::INFINITY }
+    }
+}
 
 /// Where a view is, and what it shows.
 #[derive(Clone, Debug)]
@@ -149,7 +175,7 @@ mod tests {
     use super::*;
 
     fn seen(x: f32, features: [f64; 3]) -> DescribedView {
-        let view = frugal_core::frontier::CameraView {
+        let view = CameraView {
             position: Vec3::X * x,
             rotation: Quat::IDENTITY,
             vertical_fov: 1.0,

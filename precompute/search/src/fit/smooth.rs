@@ -7,40 +7,16 @@
 //! underestimates the more views differ.
 
 use frugal_core::frontier::{CameraView, CostPoint};
-use glam::Vec3;
 
-use super::estimate::{Estimate, Training};
+use super::regression::Viewpoint;
+use super::training::{Estimate, Training};
 
-/// Unit of distance between viewpoints: metres, and radians of rotation, per step.
-const STEP: (f32, f32) = (2.0, 0.7);
 /// Range of the kernel's bandwidth, steps: the distance of the second nearest camera, clamped to
 /// this range. Narrow where cameras are dense, wide where they are sparse (Breiman, Meisel, Purcell
 /// 1977).
 const REACH: (f32, f32) = (0.3, 2.0);
 /// Prior weight of the shared estimate, in cameras at the exact viewpoint.
 const SHARED_WEIGHT: f64 = 0.1;
-
-/// A camera's position and direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Viewpoint {
-    position: Vec3,
-    forward: Vec3,
-}
-
-impl From<&CameraView> for Viewpoint {
-    fn from(view: &CameraView) -> Self {
-        Self { position: view.position, forward: view.rotation * Vec3::NEG_Z }
-    }
-}
-
-impl Viewpoint {
-    /// Distance of two viewpoints in steps; infinite instead of NaN.
-    pub(super) fn steps(&self, other: &Self) -> f32 {
-        let metres = self.position.distance(other.position) / STEP.0;
-        let turn = self.forward.angle_between(other.forward) / STEP.1;
-        if (metres + turn).is_finite() { metres + turn } else { f32::INFINITY }
-    }
-}
 
 /// Kernel estimates from the training cameras.
 #[derive(Clone, Debug)]

@@ -219,8 +219,8 @@ fn errors_away_from_tracks_get_a_margin() {
     let away: Vec<bool> = (0..60).map(is_away).collect();
     assert!(away[..20].iter().all(|away| !away) && away[20..].iter().all(|away| *away));
     assert!(!margin::is_away(&smoother, &[], &smoother.viewpoint(30)), "without tracks");
-    let estimates: Vec<estimate::Estimate> = (0..60)
-        .map(|camera| estimate::Estimate {
+    let estimates: Vec<training::Estimate> = (0..60)
+        .map(|camera| training::Estimate {
             costs: training
                 .costs(camera)
                 .iter()

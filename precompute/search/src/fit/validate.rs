@@ -3,7 +3,8 @@
 use frugal_core::frontier::CameraView;
 
 use super::Smoother;
-use super::estimate::{Estimate, Keys, Pyramid, Training};
+use super::estimate::{Keys, Pyramid};
+use super::training::{Estimate, Training};
 
 /// Number of folds.
 const FOLDS: u32 = 8;

@@ -2,26 +2,14 @@
 //! regret at held-out cameras, calibration, effort.
 
 mod plots;
+mod summary;
 
-use frugal_core::control::{Budget, ErrorPrice, select};
-use frugal_core::frontier::{CostPoint, FrontierMap, FrontierPoint};
-use frugal_core::knobs::KnobLevels;
-use frugal_search::cameras::{CameraSet, MovingCamera};
-use frugal_search::pipeline::Outcome;
+use frugal_core::frontier::FrontierPoint;
 
 use super::{Fact, ReportError, Section, knob_table, percent};
 use plots::PLAN_BUDGET;
-
-/// A finished search.
-#[derive(Debug)]
-pub(crate) struct SearchSummary {
-    /// Its map.
-    pub map: FrontierMap,
-    /// Its outcome.
-    pub outcome: Outcome,
-    /// Its cameras.
-    pub cameras: CameraSet,
-}
+pub(crate) use summary::SearchSummary;
+use summary::mean_cost;
 
 /// The section.
 ///
@@ -117,26 +105,6 @@ fn facts(summary: &SearchSummary) -> Vec<Fact> {
     ]
 }
 
-/// Mean over the training cameras.
-fn mean_cost(outcome: &Outcome, settings: KnobLevels) -> Option<CostPoint> {
-    let table = &outcome.training;
-    table.mean(table.column(settings)?, 0..table.rows())
-}
-
-/// The training cameras that were rendered, each with its row in the table.
-fn training_cameras(summary: &SearchSummary) -> impl Iterator<Item = (usize, &MovingCamera)> {
-    let (outcome, cameras) = (&summary.outcome, &summary.cameras);
-    let cameras = outcome.training_cameras.iter().map(|camera| cameras.training.get(*camera));
-    cameras.enumerate().filter_map(|(row, camera)| Some((row, camera?)))
-}
-
-/// The settings selected at the camera of `row`, by a frontier fitted without it.
-fn selected(summary: &SearchSummary, row: usize, budget: &Budget) -> Option<KnobLevels> {
-    let price =
-        budget.error.and_then(|error| ErrorPrice::of_budget(&summary.map.error_rates, error));
-    Some(select(summary.outcome.fitted.held_out.get(row)?, budget, price)?.settings)
-}
-
 #[cfg(test)]
 mod tests {
     use frugal_core::frontier::Bounds;
@@ -184,7 +152,8 @@ mod tests {
         outcome.error_rates.0.clear();
         outcome.stages.clear();
         let map = map_of(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
-        let summary = SearchSummary { map, outcome, cameras: CameraSet::default() };
+        let summary =
+            SearchSummary { map, outcome, cameras: frugal_search::cameras::CameraSet::default() };
         let mut report = Report::new("search");
         report.section(search_section(&summary).expect("a section"));
         assert!(!report.render().contains("NaN"));

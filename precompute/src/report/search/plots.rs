@@ -6,7 +6,7 @@ use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
 use frugal_search::cameras::MovingCamera;
 
-use super::{SearchSummary, mean_cost, selected, training_cameras};
+use super::summary::{SearchSummary, mean_cost, selected, training_cameras};
 use crate::report::plan::Plan;
 use crate::report::{Bar, Color, Curve, ReportError, bars, cloud, curves, staircase};
 

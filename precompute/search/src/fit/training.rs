@@ -1,0 +1,171 @@
+//! What the cameras of a search measured, and means of it.
+
+use frugal_core::frontier::{CostPoint, Frontier, FrontierPoint};
+use frugal_core::knobs::KnobLevels;
+
+use super::regression::{DescribedView, Regression};
+use crate::cameras::MovingCamera;
+use crate::table::CostTable;
+
+/// Fewest cameras on tracks that are representative on their own.
+const LEAST_ON_TRACK: usize = 6;
+
+/// The training table: costs of every setting of the pool at every camera.
+#[derive(Clone, Debug)]
+pub(crate) struct Training {
+    settings: Vec<KnobLevels>,
+    /// By camera, then by setting.
+    costs: Vec<Vec<CostPoint>>,
+    groups: Vec<u32>,
+    on_track: Vec<usize>,
+    /// What the views show, of the cameras and of the unrendered views after them; empty without
+    /// unrendered views.
+    seen: Vec<DescribedView>,
+}
+
+impl Training {
+    /// Takes the cameras of `table` at which all of `settings` are known.
+    pub(crate) fn new(
+        table: &CostTable,
+        cameras: &[MovingCamera],
+        settings: &[KnobLevels],
+    ) -> (Self, Vec<usize>) {
+        let mut training = Self {
+            settings: settings.to_vec(),
+            costs: Vec::new(),
+            groups: Vec::new(),
+            on_track: Vec::new(),
+            seen: Vec::new(),
+        };
+        let mut rows = Vec::new();
+        for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
+            let costs: Option<Vec<CostPoint>> =
+                settings.iter().map(|settings| table.get(row, *settings)).collect();
+            if let Some(costs) = costs
+                .filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0 && cost.error >= 0.0))
+            {
+                if camera.is_on_track() {
+                    training.on_track.push(training.costs.len());
+                }
+                training.costs.push(costs);
+                training.groups.push(camera.group);
+                rows.push(row);
+            }
+        }
+        (training, rows)
+    }
+
+    /// Adds views that no camera has rendered, with predicted costs; `cameras`: what the cameras
+    /// see. Without enough cameras, nothing is added.
+    pub(crate) fn with_unrendered(
+        mut self,
+        cameras: Vec<DescribedView>,
+        unrendered: Vec<DescribedView>,
+    ) -> Self {
+        if cameras.len() == self.groups.len() {
+            self.seen = cameras;
+            self.seen.extend(unrendered);
+        }
+        self.without(&[])
+    }
+
+    /// The same cameras, and the unrendered views as predicted without the cameras `out`.
+    pub(super) fn without(&self, out: &[usize]) -> Self {
+        let mut training = self.clone();
+        training.costs.truncate(self.cameras());
+        let kept: Vec<usize> = (0..self.cameras()).filter(|camera| !out.contains(camera)).collect();
+        if self.seen.len() <= self.cameras() {
+            return training;
+        }
+        let errors: Vec<Vec<f64>> = kept
+            .iter()
+            .map(|camera| self.costs[*camera].iter().map(|cost| cost.error).collect())
+            .collect();
+        let seen = kept.iter().map(|camera| self.seen[*camera].clone()).collect();
+        let Some(regression) = Regression::fit(seen, &errors) else {
+            // Views without a prediction would shift the addresses of those with one.
+            training.seen.clear();
+            return training;
+        };
+        // Power hardly differs by view; errors do.
+        let power = self.mean(&kept).costs;
+        for view in &self.seen[self.cameras()..] {
+            let costs = regression.errors(view).into_iter().zip(&power);
+            training
+                .costs
+                .push(costs.map(|(error, mean)| CostPoint::new(mean.power.0, error)).collect());
+        }
+        training
+    }
+
+    /// Number of cameras.
+    pub(crate) fn cameras(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Number of cameras and unrendered views with costs.
+    pub(super) fn views(&self) -> usize {
+        self.costs.len()
+    }
+
+    /// Cost of each setting at a camera, or at an unrendered view.
+    pub(crate) fn costs(&self, camera: usize) -> &[CostPoint] {
+        &self.costs[camera]
+    }
+
+    /// Cameras on tracks.
+    pub(super) fn on_track(&self) -> &[usize] {
+        &self.on_track
+    }
+
+    /// Cross-validation group: cameras of one group are held out together.
+    pub(crate) fn group(&self, camera: usize) -> u32 {
+        self.groups[camera]
+    }
+
+    /// Cameras on tracks, which are representative of an app; all cameras where those are too few.
+    pub(crate) fn representative(&self) -> Vec<usize> {
+        if self.on_track.len() >= LEAST_ON_TRACK {
+            self.on_track.clone()
+        } else {
+            (0..self.cameras()).collect()
+        }
+    }
+
+    /// Mean costs over `cameras`; empty without cameras.
+    pub(crate) fn mean(&self, cameras: &[usize]) -> Estimate {
+        let count = cameras.len().max(1) as f64;
+        let mean = |setting: usize| {
+            let sum = |value: fn(&CostPoint) -> f64| {
+                cameras.iter().map(|camera| value(&self.costs[*camera][setting])).sum::<f64>()
+                    / count
+            };
+            CostPoint::new(sum(|cost| cost.power.0), sum(|cost| cost.error))
+        };
+        Estimate {
+            costs: if cameras.is_empty() {
+                Vec::new()
+            } else {
+                (0..self.settings.len()).map(mean).collect()
+            },
+            weight: cameras.len() as f64,
+        }
+    }
+
+    /// The frontier of an estimate.
+    pub(crate) fn frontier(&self, estimate: &Estimate) -> Frontier {
+        let points = self.settings.iter().zip(&estimate.costs);
+        Frontier::from_points(
+            points.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost }),
+        )
+    }
+}
+
+/// Estimated costs of the pool at one address.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Estimate {
+    /// By setting.
+    pub costs: Vec<CostPoint>,
+    /// Weight of the evidence, in cameras at the exact viewpoint.
+    pub weight: f64,
+}
