@@ -20,10 +20,9 @@ use bevy_frugal_gi::frontier::{
     CostPoint, Frontier, FrontierMap, FrontierMapPlugin, FrontierPoint,
 };
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
-use bevy_frugal_gi::power::{
-    MeterInfo, MeterState, MeteredPower, Provenance, SimulatedDevice, SimulatedMeter,
-};
+use bevy_frugal_gi::power::{MeterInfo, MeterState, MeteredPower, Provenance};
 use bevy_frugal_gi::units::Watts;
+use frugal_core::testing::{SimulatedDevice, SimulatedMeter};
 use frugal_tests::map;
 use frugal_tests::table::markdown;
 

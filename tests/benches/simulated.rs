@@ -21,12 +21,11 @@ use bevy::transform::components::{GlobalTransform, Transform};
 use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::KnobLevels;
-use bevy_frugal_gi::power::{
-    MeterInfo, MeterState, MeteredPower, Provenance, SimulatedDevice, SimulatedMeter,
-};
+use bevy_frugal_gi::power::{MeterInfo, MeterState, MeteredPower, Provenance};
 use bevy_frugal_gi::units::Watts;
 use frugal::RecordedPath;
 use frugal::scene;
+use frugal_core::testing::{SimulatedDevice, SimulatedMeter};
 use frugal_tests::table::markdown;
 
 /// Seconds of a run, and those at its start that do not count.

@@ -20,7 +20,7 @@ pub fn imports(root: &Path, split: &[&str]) -> std::io::Result<Imports> {
         if matches!(module.last().map(String::as_str), Some("mod" | "lib" | "main")) {
             module.pop();
         }
-        if module.last().is_some_and(|name| name.ends_with("tests") || name == "testing") {
+        if module.iter().any(|name| name.ends_with("tests") || name == "testing") {
             continue;
         }
         let Some(own) = part(&module, split) else { continue };

@@ -8,4 +8,6 @@ pub mod control;
 pub mod frontier;
 pub mod knobs;
 pub mod power;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;
 pub mod units;

@@ -38,8 +38,3 @@ pub struct MeterInfo {
     /// 3.5 W per core".
     pub description: String,
 }
-
-#[cfg(test)]
-#[path = "../../src/power/simulated.rs"]
-#[allow(unreachable_pub)]
-pub(crate) mod simulated;

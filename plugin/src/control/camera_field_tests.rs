@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::control::Outcome;
-use crate::frontier::testing;
 use crate::power::{MeterInfo, MeterState, Provenance};
 use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom};
 use crate::units::Joules;
+use frugal_core::testing;
 
 const SECOND: Duration = Duration::from_secs(1);
 

@@ -12,6 +12,7 @@ use bevy::camera::{PerspectiveProjection, Projection};
 use bevy::math::Vec3;
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::{GlobalTransform, Transform};
+use frugal_core::testing;
 
 use super::*;
 use crate::control::{
@@ -20,7 +21,6 @@ use crate::control::{
 };
 use crate::frontier::{
     Corner, FrontierMapPlugin, FrontierStore, SampleRef, SceneIdentity, SharedKnobs, ViewDirection,
-    testing,
 };
 use crate::knobs::{KnobLevels, KnobSettings};
 use crate::power::{MeterInfo, MeterState, Provenance};

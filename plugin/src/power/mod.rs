@@ -28,8 +28,6 @@ mod root;
 mod sampler;
 #[cfg(test)]
 mod scripted;
-#[cfg(any(test, feature = "inspect"))]
-mod simulated;
 mod sysfs;
 mod tracker;
 
@@ -43,8 +41,6 @@ pub use plugin::{MeterChoice, MeterFactory, MeteredPower, PowerPlugin, PowerSyst
 pub use sampler::{PowerSampler, SamplerSettings};
 #[cfg(test)]
 pub(crate) use scripted::ScriptedMeter;
-#[cfg(any(test, feature = "inspect"))]
-pub use simulated::{SimulatedDevice, SimulatedMeter};
 pub use tracker::{MeterState, PowerSnapshot};
 
 /// In place of NVML in a build without it.

@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::{
-    Bounds, Capture, Corner, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree,
-    SceneIdentity, Thresholds,
+    Bounds, Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, SceneIdentity, Thresholds,
 };
 use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
 use frugal_core::power::{MeterInfo, Provenance};
+use frugal_core::testing;
 use frugal_core::units::Watts;
 use frugal_search::journal::{Existing, Journal, JournalHeader};
 use frugal_trace::metrics::Picture;
@@ -82,12 +82,7 @@ pub(crate) fn map(space: KnobSpace) -> FrontierMap {
         cost: CostPoint::new(power(settings), error(settings)),
     };
     let shared = Frontier::from_points(space.iter().map(point));
-    let mut corners: Vec<Corner> = (0..8_u16)
-        .map(|number| Corner { at: [number & 1, number >> 1 & 1, number >> 2], frontiers: [0; 6] })
-        .collect();
-    corners.sort_by_key(|corner| corner.at);
     FrontierMap {
-        version: FrontierMap::VERSION,
         scene: SceneIdentity { name: "fake".into(), fingerprint: "00ff".into() },
         capture: Capture {
             size: [16, 12],
@@ -100,11 +95,9 @@ pub(crate) fn map(space: KnobSpace) -> FrontierMap {
         seed: 0,
         knobs: space,
         bounds: Bounds { min: [0.0; 3], max: [4.0; 3] },
-        error_rates: Default::default(),
-        work_prices: Default::default(),
-        knob_effects: Default::default(),
-        octree: Octree { levels: 0, nodes: vec![0], corners, frontiers: vec![shared.clone()] },
+        octree: testing::cube(vec![shared.clone()]),
         shared,
+        ..testing::map(0)
     }
 }
 

@@ -1,11 +1,9 @@
 //! A synthetic map, and variants of it with noise.
 
-use frugal_core::frontier::{
-    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
-    SceneIdentity, Thresholds, WorkPrices,
-};
+use frugal_core::frontier::{Bounds, CostPoint, Frontier, FrontierMap, FrontierPoint, Thresholds};
 use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
 use frugal_core::power::{MeterInfo, Provenance};
+use frugal_core::testing;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -34,24 +32,9 @@ pub(crate) fn map() -> FrontierMap {
         Knob::new("samples", (0..16).map(f64::from)),
         Knob::labelled("scale", [(0.5, "50%"), (1.0, "100%")]),
     ];
-    let mut corners: Vec<Corner> = (0..8_u16)
-        .map(|number| Corner {
-            at: [number & 1, number >> 1 & 1, number >> 2 & 1],
-            frontiers: std::array::from_fn(|view| u32::from(number) * 6 + view as u32),
-        })
-        .collect();
-    corners.sort_by_key(|corner| corner.at);
     let frontiers =
         (0..48).map(|number| frontier(0.8 + 0.01 * f64::from(number), POINTS)).collect();
     FrontierMap {
-        version: FrontierMap::VERSION,
-        scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
-        capture: Capture {
-            size: [320, 180],
-            frames_per_second: 30.0,
-            vertical_fov: 60.0,
-            exposure_ev100: 12.0,
-        },
         meter: MeterInfo {
             name: "work".into(),
             provenance: Provenance::Modelled,
@@ -62,10 +45,8 @@ pub(crate) fn map() -> FrontierMap {
         knobs: KnobSpace::new(knobs).expect("a valid space"),
         bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
         shared: frontier(1.0, POINTS),
-        error_rates: ErrorRates::default(),
-        work_prices: WorkPrices::default(),
-        knob_effects: Default::default(),
-        octree: Octree { levels: 0, nodes: vec![0], corners, frontiers },
+        octree: testing::cube(frontiers),
+        ..testing::map(0)
     }
 }
 

@@ -163,7 +163,7 @@ impl BoundedFrontier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frontier::testing;
+    use crate::testing;
     use crate::units::Watts;
 
     #[test]

@@ -1,7 +1,7 @@
 //! Tests of the controller without an app.
 
 use super::*;
-use crate::frontier::testing;
+use crate::testing;
 
 fn inputs(store: &dyn FrontierStore, budget: Budget, current: Option<KnobLevels>) -> Inputs<'_> {
     Inputs {

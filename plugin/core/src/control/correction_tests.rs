@@ -4,9 +4,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::control::{Budget, CameraController, ControlSettings, Inputs};
-use crate::frontier::{FrontierMap, testing};
+use crate::frontier::FrontierMap;
 use crate::knobs::KnobLevels;
-use crate::power::simulated::{SimulatedDevice, SimulatedMeter};
+use crate::testing;
+use crate::testing::{SimulatedDevice, SimulatedMeter};
 
 const FRAME: f64 = 1.0 / 60.0;
 

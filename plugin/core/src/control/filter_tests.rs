@@ -3,8 +3,8 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::*;
-use crate::frontier::testing::space;
 use crate::knobs::Knob;
+use crate::testing::space;
 
 const TWO: TransitionTimes = TransitionTimes::both(Duration::from_secs(2));
 /// As under power limits: settings fall faster.

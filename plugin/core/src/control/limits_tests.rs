@@ -8,7 +8,7 @@ use super::*;
 use crate::control::Outcome;
 use crate::control::exchange::Exchange;
 use crate::control::select::select_within;
-use crate::frontier::testing;
+use crate::testing;
 use crate::units::Joules;
 
 fn all_known() -> Observed {

@@ -5,9 +5,10 @@ use std::time::Duration;
 use super::*;
 use crate::control::limits::resolve;
 use crate::control::{Budget, CameraController, ControlSettings, Inputs, Limit, Outcome};
-use crate::frontier::{FrontierMap, testing};
+use crate::frontier::FrontierMap;
 use crate::knobs::KnobLevels;
-use crate::power::simulated::SimulatedDevice;
+use crate::testing;
+use crate::testing::SimulatedDevice;
 
 /// A controlled app on a machine with a battery. Its settings take 4 W to 14 W.
 struct Loop {

@@ -110,9 +110,9 @@ mod tests {
     use crate::control::Budget;
     use crate::frontier::{
         CameraView, ErrorRate, ErrorRates, FrontierPoint, SampleCamera, SampleRef, ViewDirection,
-        testing,
     };
     use crate::knobs::{KnobLevels, KnobSpace};
+    use crate::testing;
 
     /// Easy views where x is below 0, hard ones elsewhere: an error of 0.015 or 0.14 at 1 W, falling
     /// as 1 / W.

@@ -173,7 +173,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::frontier::testing;
+    use crate::testing;
     use crate::units::Watts;
 
     fn picked(budget: Budget) -> Option<(f64, Outcome)> {

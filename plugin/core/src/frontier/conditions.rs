@@ -247,8 +247,8 @@ mod tests {
     use glam::Quat;
 
     use super::*;
-    use crate::frontier::testing;
     use crate::power::Provenance;
+    use crate::testing;
 
     fn view(position: Vec3) -> CameraView {
         let vertical_fov = 60.0_f32.to_radians();

@@ -41,8 +41,9 @@ fn distance(space: &KnobSpace, a: KnobLevels, b: KnobLevels) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::frontier::{Frontier, testing};
+    use crate::frontier::Frontier;
     use crate::knobs::KnobLevels;
+    use crate::testing;
 
     fn at(samples: usize, scale: usize) -> KnobLevels {
         KnobLevels::default().with_level(0, samples).with_level(1, scale)

@@ -42,7 +42,7 @@ impl KnobEffects {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frontier::testing;
+    use crate::testing;
 
     #[test]
     fn effects_belong_to_the_levels_of_a_space() {

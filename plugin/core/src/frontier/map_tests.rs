@@ -3,9 +3,9 @@
 use glam::Vec3;
 
 use super::*;
-use crate::frontier::testing;
 use crate::frontier::{CostPoint, Frontier, FrontierPoint, OctreeError};
 use crate::knobs::KnobLevels;
+use crate::testing;
 
 fn rejection(change: fn(&mut FrontierMap)) -> FrontierMapError {
     let mut map = testing::map(1);

@@ -12,8 +12,6 @@ mod pareto;
 mod pareto_serde;
 mod shared_knobs;
 mod store;
-#[cfg(test)]
-pub(crate) mod testing;
 mod validate;
 mod view;
 mod view_cube;

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::frontier::testing::{corners_of, subdivided};
+use crate::testing::{corners_of, subdivided};
 
 #[test]
 fn a_valid_octree_passes() {

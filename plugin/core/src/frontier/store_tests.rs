@@ -4,7 +4,8 @@ use glam::Quat;
 use proptest::prelude::*;
 
 use super::*;
-use crate::frontier::{Corner, testing};
+use crate::frontier::Corner;
+use crate::testing;
 
 fn view(position: Vec3, direction: ViewDirection) -> CameraView {
     CameraView { position, rotation: direction.rotation(), vertical_fov: 1.0, aspect: 16.0 / 9.0 }

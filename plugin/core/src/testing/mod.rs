@@ -1,4 +1,6 @@
-//! Small octrees and maps for the tests of this crate.
+//! Small octrees and maps, and a simulated device with its meter, for tests and benchmarks.
+
+mod simulated;
 
 use std::collections::BTreeSet;
 
@@ -11,8 +13,10 @@ use crate::frontier::{
 use crate::knobs::{Knob, KnobLevels, KnobSpace};
 use crate::power::{MeterInfo, Provenance};
 
+pub use simulated::{SimulatedDevice, SimulatedMeter};
+
 /// The eight corners of a leaf.
-pub(crate) fn corners_of(leaf: Leaf) -> impl Iterator<Item = [u16; 3]> {
+pub fn corners_of(leaf: Leaf) -> impl Iterator<Item = [u16; 3]> {
     (0..8).map(move |number| leaf.corner(number))
 }
 
@@ -21,7 +25,7 @@ pub(crate) fn corners_of(leaf: Leaf) -> impl Iterator<Item = [u16; 3]> {
 ///
 /// Every view of every corner has its own frontier, identified by its index; its cheapest power
 /// identifies the view.
-pub(crate) fn subdivided(levels: u8) -> Octree {
+pub fn subdivided(levels: u8) -> Octree {
     let mut octree = Octree { levels, nodes: vec![0], ..Default::default() };
     let mut node = 0;
     for _ in 0..levels {
@@ -48,14 +52,29 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
     octree
 }
 
+/// One cube. With a frontier for each of its 48 addresses they are in the order of corners and views;
+/// a single one is that of all.
+pub fn cube(frontiers: Vec<Frontier>) -> Octree {
+    let of = |corner: u16, view: usize| {
+        if frontiers.len() == 1 { 0 } else { u32::from(corner) * 6 + view as u32 }
+    };
+    let corner = |number: u16| Corner {
+        at: [number & 1, number >> 1 & 1, number >> 2 & 1],
+        frontiers: std::array::from_fn(|view| of(number, view)),
+    };
+    let mut corners: Vec<Corner> = (0..8).map(corner).collect();
+    corners.sort_by_key(|corner| corner.at);
+    Octree { levels: 0, nodes: vec![0], corners, frontiers }
+}
+
 /// A view from the origin along −Z.
-pub(crate) fn view() -> CameraView {
+pub fn view() -> CameraView {
     CameraView { position: Vec3::ZERO, rotation: Quat::IDENTITY, vertical_fov: 1.0, aspect: 1.0 }
 }
 
 /// A frontier of three points at `base`, `base` + 1 and `base` + 3 watts with errors of 0.2, 0.05
 /// and 0.
-pub(crate) fn frontier(base: f64) -> Frontier {
+pub fn frontier(base: f64) -> Frontier {
     let settings =
         |samples, scale| KnobLevels::default().with_level(0, samples).with_level(1, scale);
     let point =
@@ -68,7 +87,7 @@ pub(crate) fn frontier(base: f64) -> Frontier {
 }
 
 /// The knobs of [`frontier`]'s settings.
-pub(crate) fn space() -> KnobSpace {
+pub fn space() -> KnobSpace {
     let knobs = vec![
         Knob::new("samples", [0.0, 4.0, 8.0, 16.0, 32.0]),
         Knob::new("scale", [0.5, 0.75, 1.0]),
@@ -77,7 +96,7 @@ pub(crate) fn space() -> KnobSpace {
 }
 
 /// A valid map over [`subdivided`], 8 by 4 by 8 metres around the origin.
-pub(crate) fn map(levels: u8) -> FrontierMap {
+pub fn map(levels: u8) -> FrontierMap {
     FrontierMap {
         version: FrontierMap::VERSION,
         scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
@@ -105,7 +124,7 @@ pub(crate) fn map(levels: u8) -> FrontierMap {
 }
 
 /// One frontier everywhere: 20 settings from 4 W to 14 W.
-pub(crate) fn steps() -> FrontierMap {
+pub fn steps() -> FrontierMap {
     let knobs =
         vec![Knob::new("a", (0..10).map(f64::from)), Knob::new("b", (0..11).map(f64::from))];
     let point = |step: usize| {
