@@ -11,7 +11,6 @@ use bevy::render::render_resource::{
     ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
 };
 use bevy::shader::ShaderDefVal;
-use bevy_frugal_gi::gi::FrugalGi;
 use frugal::stage::Stage;
 
 use crate::gpu::{self, Point};
@@ -81,7 +80,8 @@ impl Gather {
         occluders: Option<&[Buffer; 4]>,
     ) -> Vec<[f64; 4]> {
         let mut words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_vpl()).collect();
-        words.resize(Point::VPL_WORDS * FrugalGi::MAX_VPLS_PER_PIXEL as usize, 0.0);
+        // No binding may be empty.
+        words.resize(words.len().max(Point::VPL_WORDS), 0.0);
         let (view, vpl_buffer) =
             (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&words)));
         let (settings, plan) = (settings(stage), plan(stage, vpls.len() as u32));
@@ -117,12 +117,12 @@ pub fn settings(stage: &Stage) -> Buffer {
 
 /// `Plan` of the shader: one set of `count` VPLs.
 pub fn plan(stage: &Stage, count: u32) -> Buffer {
-    kernel::buffer(stage, &plan_bytes(count, count.next_multiple_of(16)))
+    kernel::buffer(stage, &plan_bytes(count))
 }
 
-/// Bytes of a `Plan`: one set of `count` VPLs, in `stride` slots.
-pub fn plan_bytes(count: u32, stride: u32) -> Vec<u8> {
-    [1, 1, count, stride, 0].map(u32::to_le_bytes).concat()
+/// Bytes of a `Plan`: one set of `count` VPLs.
+pub fn plan_bytes(count: u32) -> Vec<u8> {
+    [1, 1, count, 0].map(u32::to_le_bytes).concat()
 }
 
 /// Exposed irradiance of one point: `gather.wgsl` in 64-bit floats, without rounding to half

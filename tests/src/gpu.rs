@@ -114,11 +114,10 @@ pub fn vpls(stage: &Stage) -> Vec<Point> {
     let state = inspect::gpu_state(stage.render_world());
     let Some(camera) = state.cameras.first() else { return Vec::new() };
     let slots = vpl_slots(&read_buffer(stage.render_world(), &camera.vpls));
-    let (sets, per_set, stride) =
-        (camera.sets as usize, camera.per_set as usize, camera.stride as usize);
-    let members = (0..sets).flat_map(|set| slots[set * stride..].iter().take(per_set));
+    let members = slots.iter().take((camera.sets * camera.per_set) as usize);
     // Each set alone carries the total flux.
-    members.map(|vpl| Point { flux: vpl.flux.map(|flux| flux / sets as f32), ..*vpl }).collect()
+    let share = |flux: f32| flux / camera.sets as f32;
+    members.map(|vpl| Point { flux: vpl.flux.map(share), ..*vpl }).collect()
 }
 
 /// Parses the bytes of a buffer of virtual point lights.

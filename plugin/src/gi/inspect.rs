@@ -46,19 +46,20 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 13] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 14] = [
     ("texels/rows.wgsl", "TILE", TILE as u64),
     ("vpl/importance.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
     ("vpl/tile_visibility.wgsl", "GROUP_ROWS", vpl::TILE_GROUP[1] as u64),
+    ("vpl/tile_visibility.wgsl", "POINTS", vpl::TILE_POINTS as u64),
     ("vpl/weigh.wgsl", "GROUP_TEXELS", vpl::WEIGH_GROUP[0] as u64),
     ("vpl/weigh.wgsl", "GROUP_ROWS", vpl::WEIGH_GROUP[1] as u64),
-    ("gather/gather.wgsl", "MAX_VPLS", FrugalGi::MAX_VPLS_PER_PIXEL as u64),
-    ("gather/gather.wgsl", "MAX_SKY_SAMPLES", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
+    ("trace/trace.wgsl", "STACK", trace::MAX_LEVELS as u64),
     ("sky/sky.wgsl", "SKY_STRATA", sky::STRATA as u64),
     ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),
     ("sky/sky.wgsl", "SKY_STRIDE", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
     ("sky/fill.wgsl", "STEPS", sky::STEPS as u64),
+    ("bounces/reflect.wgsl", "GROUP_PATCHES", bounces::PATCHES_PER_GROUP as u64),
     ("bounces/reflect.wgsl", "BOUNCE_VPLS", bounces::BOUNCE_VPLS.per_set as u64),
 ];
 
@@ -110,8 +111,6 @@ pub struct GiCameraState {
     pub sets: u32,
     /// VPLs in each set.
     pub per_set: u32,
-    /// VPLs from the beginning of one set to that of the next.
-    pub stride: u32,
     /// Irradiance of each low-resolution pixel, exposed, as it is composited.
     pub irradiance: Texture,
     /// Its patches' state, while it has more than one bounce.
@@ -158,7 +157,6 @@ fn camera_state(
         vpls: vpl.vpls.clone(),
         sets: vpl.plan.sets,
         per_set: vpl.plan.per_set,
-        stride: vpl.plan.stride,
         irradiance: gather.irradiance.texture.clone(),
         bounces: bounces.map(BounceCamera::state),
     }

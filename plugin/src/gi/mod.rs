@@ -97,7 +97,7 @@ impl GiPlugin {
             max_compute_invocations_per_workgroup: 64,
             max_storage_buffers_per_shader_stage: 8,
             max_storage_textures_per_shader_stage: 1,
-            max_uniform_buffer_binding_size: u64::from(FrugalGi::MAX_VPLS_PER_PIXEL)
+            max_uniform_buffer_binding_size: u64::from(bounces::BOUNCE_VPLS.count())
                 * vpl::VPL_BYTES,
             ..WgpuLimits::downlevel_webgl2_defaults()
         }
@@ -182,7 +182,7 @@ fn lacking_limits(limits: &WgpuLimits) -> Vec<&'static str> {
             "8 storage buffers per stage",
         ),
         (lacks(|limits| limits.max_storage_textures_per_shader_stage.into()), "storage textures"),
-        (lacks(|limits| limits.max_uniform_buffer_binding_size), "uniform buffers of 48 KiB"),
+        (lacks(|limits| limits.max_uniform_buffer_binding_size), "uniform buffers of 24 KiB"),
     ]
     .into_iter()
     .filter_map(|(lacks, name)| lacks.then_some(name))

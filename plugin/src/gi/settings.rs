@@ -97,8 +97,7 @@ pub struct FrugalGi {
 impl FrugalGi {
     /// Largest [`vpl_count`](Self::vpl_count).
     pub const MAX_VPL_COUNT: u32 = 16_384;
-    /// Most VPLs that one pixel evaluates: at 48 bytes each they fit into a uniform buffer of 64
-    /// KiB, which every GPU can bind.
+    /// Most VPLs that one pixel evaluates.
     pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
 
     /// Largest [`environment_samples`](Self::environment_samples).

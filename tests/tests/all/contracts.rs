@@ -120,7 +120,7 @@ fn sample(
         zeros(row_count as usize),
         zeros(count * 12),
         // One set of all VPLs.
-        plan_bytes(count as u32, count as u32),
+        plan_bytes(count as u32),
     ];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());

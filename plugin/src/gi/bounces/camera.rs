@@ -23,7 +23,7 @@ use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
 /// The bounce VPLs: every patch evaluates all of them.
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
-    VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512, sequence: 0 };
+    VplPlan { interleave: 1, sets: 1, per_set: 512, sequence: 0 };
 
 /// What the light of patches depends on, apart from the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,7 +86,7 @@ impl BounceCamera {
             ),
             bounce_vpls: empty(
                 "frugal_gi/bounces/bounce_vpls",
-                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
+                u64::from(BOUNCE_VPLS.count()) * VPL_BYTES,
                 BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
             ),
             plan: filled(

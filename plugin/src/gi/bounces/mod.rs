@@ -50,6 +50,9 @@ use kernels::BounceKernels;
 pub use patches::GiPatches;
 use patches::PATCHES;
 
+/// Patches of a workgroup of `reflect.wgsl`.
+pub(in crate::gi) const PATCHES_PER_GROUP: usize = 8;
+
 pub(super) struct BouncePlugin;
 
 impl Plugin for BouncePlugin {
@@ -133,7 +136,7 @@ pub(super) fn reflect(
         buffers,
         importance: &camera.importance,
         vpls: &camera.bounce_vpls,
-        plan: (&camera.plan, BOUNCE_VPLS.slots()),
+        plan: (&camera.plan, BOUNCE_VPLS.count()),
     };
     // Tile visibility for patches would take as many rays as for the image, without a measurable
     // gain.
@@ -177,7 +180,7 @@ pub(super) fn reflect(
             pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);
-            pass.dispatch_workgroups(PATCHES.div_ceil(64) as u32, 1, 1);
+            pass.dispatch_workgroups(1, PATCHES.div_ceil(PATCHES_PER_GROUP) as u32, 1);
         }
     });
     camera.is_done.store(true, Ordering::Relaxed);

@@ -1,4 +1,5 @@
-// The flux that each patch reflects, as a texel behind those of the maps: one thread per patch.
+// The flux that each patch reflects, as a texel behind those of the maps: a thread for each ray of a
+// patch.
 //
 // Bounce VPLs light the patches: VPLs sampled from the maps' texels, from emissive surfaces and,
 // from the second round on, from the patches of the round before. Every patch evaluates all of
@@ -9,7 +10,7 @@
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
-#import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
+#import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
 #import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl, from_vpl}
 #ifdef SKY
@@ -28,48 +29,52 @@
 
 /// As in `bounces/camera.rs`. A constant, so that no loop depends on a uniform.
 const BOUNCE_VPLS: u32 = 512u;
-/// Rays from each patch to bounce VPLs, and to the sky.
-const RAYS: u32 = 8u;
+/// Rays from each patch to the sky.
 const SKY_RAYS: u32 = 2u;
 
 /// Mean cosine of uniform incident light: the scattered share depends little on its direction
 /// otherwise.
 const MEAN_COSINE: f32 = 0.6666667;
 
-@compute @workgroup_size(64)
-fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
-    let index = id.x;
-    if index >= arrayLength(&patches) {
-        return;
-    }
-    let own = patches[index];
+/// Threads of a patch: each takes one of its rays.
+const LANES: u32 = 8u;
+/// Patches of a workgroup.
+const GROUP_PATCHES: u32 = 8u;
+
+/// Light that arrives at each patch by each of its rays.
+var<workgroup> arrived: array<vec3<f32>, 64>;
+
+@compute @workgroup_size(LANES, GROUP_PATCHES)
+fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    begin_trace(thread);
+    let which = id.x;
+    let index = id.y;
+    let own = patches[min(index, arrayLength(&patches) - 1u)];
     var texel: Texel;
     texel.position = own.position;
     texel.area = own.area;
     texel.packed_normal = own.packed_normal;
     texel.flux = vec3(0.0);
+    let normal = texel_normal(texel);
+    var light = vec3(0.0);
     if own.area > 0.0 {
-        let normal = texel_normal(texel);
         let origin = own.position + normal * surface_offset(own.position, apparent_distance(view.clip_from_view, distance(own.position, view.world_position)), 0.0);
         let noise = fract(f32(index) * 0.618034);
-        var light = vec3(0.0);
-        for (var which = 0u; which < RAYS; which++) {
-            var stratum = empty_stratum(fract(noise + f32(which) / f32(RAYS)));
-            for (var i = which; i < BOUNCE_VPLS; i += RAYS) {
-                stratum = update_stratum(stratum, i, from_vpl(bounce_vpls[i], own.position, normal));
-            }
-            if stratum.total > 0.0 {
-                let vpl = bounce_vpls[stratum.sampled];
-                let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
-                if !is_occluded(origin, end) {
-                    light += stratum.sent;
-                }
+        var stratum = empty_stratum(fract(noise + f32(which) / f32(LANES)));
+        for (var i = which; i < BOUNCE_VPLS; i += LANES) {
+            stratum = update_stratum(stratum, i, from_vpl(bounce_vpls[i], own.position, normal));
+        }
+        if stratum.total > 0.0 {
+            let vpl = bounce_vpls[stratum.sampled];
+            let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
+            if !is_occluded(origin, end) {
+                light = stratum.sent;
             }
         }
 #ifdef SKY
-        let first_sample = (index % sky_plan.sets) * SKY_STRIDE;
-        for (var which = 0u; which < SKY_RAYS; which++) {
-            var stratum = empty_stratum(fract(noise + f32(which) / f32(SKY_RAYS)));
+        if which < SKY_RAYS {
+            let first_sample = (index % sky_plan.sets) * SKY_STRIDE;
+            stratum = empty_stratum(fract(noise + f32(which) / f32(SKY_RAYS)));
             for (var i = first_sample + which; i < first_sample + sky_plan.samples; i += SKY_RAYS) {
                 stratum = update_stratum(stratum, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
             }
@@ -80,6 +85,17 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
 #endif
+    }
+    arrived[thread] = light;
+    workgroupBarrier();
+    if which != 0u || index >= arrayLength(&patches) {
+        return;
+    }
+    light = vec3(0.0);
+    for (var lane = 0u; lane < LANES; lane++) {
+        light += arrived[thread + lane];
+    }
+    if own.area > 0.0 {
         let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
         let flux = light * 0.31830987 * own.area * share;
         texel.flux = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));

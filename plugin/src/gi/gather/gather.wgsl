@@ -1,8 +1,5 @@
 // Sums the irradiance from a camera's virtual point lights: one thread per low-resolution pixel and
-// its set of VPLs, one dispatch per set.
-//
-// The VPLs of a set lie in a uniform array, which is fast where all threads read the same element. A
-// dynamic offset chooses the set.
+// its set of VPLs. A workgroup's pixels have the same set, so that all its threads read the same VPL.
 //
 // With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
 // rays: one VPL is sampled per stratum by luminance, and one ray accepts or rejects the stratum's
@@ -17,25 +14,21 @@
 #ifdef RAYS
 #import bevy_frugal_gi::gi::view::noise::pixel_noise
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum, weight_of}
-#import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
+#import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
 #endif
 #ifdef SKY_RAYS
-#import bevy_frugal_gi::gi::sky::sky::{SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif
-
-/// Most VPLs, and most samples of the sky, that a low-resolution pixel evaluates.
-const MAX_VPLS: u32 = 1024u;
-const MAX_SKY_SAMPLES: u32 = 32u;
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<uniform> vpls: array<Vpl, MAX_VPLS>;
+@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
 @group(0) @binding(4) var<uniform> gather: Gather;
 @group(0) @binding(5) var<storage, read> plan: Plan;
 @group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
 #ifdef SKY_RAYS
-@group(0) @binding(7) var<uniform> sky_samples: array<SkyLight, MAX_SKY_SAMPLES>;
+@group(0) @binding(7) var<storage, read> sky_samples: array<SkyLight>;
 @group(0) @binding(8) var<storage, read> sky_plan: SkyPlan;
 #endif
 
@@ -47,8 +40,10 @@ fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return position + normal * surface_offset(position, apparent_distance(view.clip_from_view, eye), width);
 }
 
-fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
+    let first = which_set * plan.per_set;
+    let end_of_set = first + plan.per_set;
     // Fixed while something changes.
     let noise = pixel_noise(cell, f32(plan.sequence));
     var sum = vec3(0.0);
@@ -57,7 +52,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
     var free = 0.0;
     for (var which = 0u; which < #{RAYS}u; which++) {
         var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));
-        for (var i = which; i < plan.per_set; i += #{RAYS}u) {
+        for (var i = first + which; i < end_of_set; i += #{RAYS}u) {
             stratum = update_stratum(stratum, i, from_vpl(vpls[i], position, normal));
         }
         all += stratum.total;
@@ -75,9 +70,11 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
     return mix(sum, sum_sampled, min(2.0 * occluded, 1.0));
 }
 #else
-fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let first = which_set * plan.per_set;
+    let end_of_set = first + plan.per_set;
     var sum = vec3(0.0);
-    for (var i = 0u; i < plan.per_set; i++) {
+    for (var i = first; i < end_of_set; i++) {
         sum += from_vpl(vpls[i], position, normal);
     }
     return sum;
@@ -87,13 +84,15 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 #ifdef SKY_RAYS
 /// The same for the sky. Its samples have strata of their own: where the sky is bright and
 /// occluded, a shared ray would nearly always be spent on it.
-fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+fn gathered_sky(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
+    let first = which_set * SKY_STRIDE;
+    let end_of_set = first + sky_plan.samples;
     let noise = pixel_noise(cell.yx, f32(plan.sequence));
     var sum = vec3(0.0);
     for (var which = 0u; which < #{SKY_RAYS}u; which++) {
         var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));
-        for (var i = which; i < sky_plan.samples; i += #{SKY_RAYS}u) {
+        for (var i = first + which; i < end_of_set; i += #{SKY_RAYS}u) {
             stratum = update_stratum(stratum, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
         }
         if stratum.total > 0.0 {
@@ -107,8 +106,16 @@ fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3
 #endif
 
 @compute @workgroup_size(8, 8)
-fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
-    let cell = id.xy * plan.interleave + gather.interleave_offset;
+fn gather_vpls(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+#ifdef RAYS
+    begin_trace(thread);
+#endif
+    let which_set = group.z;
+    let cell = id.xy * plan.interleave + vec2(which_set % plan.interleave, which_set / plan.interleave);
     if any(cell >= textureDimensions(irradiance)) {
         return;
     }
@@ -122,9 +129,9 @@ fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let position = pixel_position(pixel, size, depth, view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, texel, 0));
-    var light = gathered(cell, position, normal);
+    var light = gathered(which_set, cell, position, normal);
 #ifdef SKY_RAYS
-    light += gathered_sky(cell, position, normal);
+    light += gathered_sky(which_set, cell, position, normal);
 #endif
     // Exposed before it is stored, so that half floats hold any scene; brighter values are white
     // anyway.

@@ -19,11 +19,10 @@ use bevy::shader::{ShaderDefVal, load_shader_library};
 use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with, read};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::{FrugalGi, GiVisibility};
-use super::sky::{SET_BYTES, SkyCamera};
+use super::sky::SkyCamera;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-use super::vpl::{VPL_BYTES, VplView};
-use view::first_of;
+use super::vpl::VplView;
 pub(super) use view::{
     GatherSettings, GatherView, irradiance_texture, low_resolution_texture, texture_bytes,
     texture_size,
@@ -91,12 +90,8 @@ pub(super) struct GatherKernels([Kernel; 3]);
 
 impl FromWorld for GatherKernels {
     fn from_world(world: &mut World) -> Self {
-        let vpls = uniform_buffer_sized(
-            true,
-            BufferSize::new(u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
-        );
         let settings =
-            uniform_buffer_sized(true, BufferSize::new(size_of::<GatherSettings>() as u64));
+            uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64));
         let target =
             texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
         let (g_buffer, depth, view) = (
@@ -104,15 +99,14 @@ impl FromWorld for GatherKernels {
             texture_depth_2d(),
             uniform_buffer::<ViewUniform>(true),
         );
-        let sky = uniform_buffer_sized(true, BufferSize::new(SET_BYTES));
         let compute = ShaderStages::COMPUTE;
         let without_sky = BindGroupLayoutEntries::sequential(
             compute,
-            (g_buffer, depth, view, vpls, settings, read(), target),
+            (g_buffer, depth, view, read(), settings, read(), target),
         );
         let with_sky = BindGroupLayoutEntries::sequential(
             compute,
-            (g_buffer, depth, view, vpls, settings, read(), target, sky, read()),
+            (g_buffer, depth, view, read(), settings, read(), target, read(), read()),
         );
         let shader = load_embedded_asset!(world, "gather.wgsl");
         let kernel = |label, entries: &[BindGroupLayoutEntry]| {
@@ -177,7 +171,7 @@ fn prepare_masked_pipelines(
     }
 }
 
-/// In a GI camera's view: gathers, set by set.
+/// In a GI camera's view: gathers, all sets at once.
 pub(super) fn gather(
     view: ViewQuery<(
         &GiView,
@@ -214,14 +208,14 @@ pub(super) fn gather(
         camera.g_buffer,
         camera.depth,
         camera.views,
-        first_of(&vpl.vpls, u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
-        gather.first_settings(),
+        vpl.vpls.as_entire_binding(),
+        gather.settings.as_entire_binding(),
         vpl.plan_buffer.as_entire_binding(),
         &gather.irradiance.default_view,
     ));
     let entries = match sky {
         Some(sky) => entries.extend_sequential((
-            first_of(&sky.samples, SET_BYTES),
+            sky.samples.as_entire_binding(),
             sky.plan_buffer.as_entire_binding(),
         )),
         None => entries,
@@ -230,16 +224,12 @@ pub(super) fn gather(
     let size = gather.irradiance.texture.size();
     compute_pass(&mut context, "frugal_gi/gather", &[], |pass| {
         pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
         if let Some(traced) = traced {
             pass.set_bind_group(1, traced, &[]);
         }
         let across = 8 * vpl.plan.interleave;
-        for set in 0..vpl.plan.sets {
-            let settings = set * view::SETTINGS_STRIDE as u32;
-            let offsets =
-                [view_offset.offset, vpl.plan.offset(set), settings, set * SET_BYTES as u32];
-            pass.set_bind_group(0, &bind_group, &offsets[..if sky.is_some() { 4 } else { 3 }]);
-            pass.dispatch_workgroups(size.width.div_ceil(across), size.height.div_ceil(across), 1);
-        }
+        let (width, height) = (size.width.div_ceil(across), size.height.div_ceil(across));
+        pass.dispatch_workgroups(width, height, vpl.plan.sets);
     });
 }

@@ -5,6 +5,5 @@ struct Gather {
     /// Width and height of a low-resolution pixel, in pixels.
     cell_width: u32,
     cell_height: u32,
-    /// Interleave offset: position of this set's low-resolution pixels in the interleaving square.
-    interleave_offset: vec2<u32>,
+    padding: vec2<u32>,
 }

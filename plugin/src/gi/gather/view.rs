@@ -10,15 +10,10 @@ use bytemuck::{Pod, Zeroable};
 use crate::gi::compute::filled_buffer;
 use crate::gi::settings::GiPixelFraction;
 use crate::gi::view::GiView;
-use crate::gi::vpl::{VplPlan, VplView};
+use crate::gi::vpl::VplView;
 
 /// Label of irradiance textures.
 const IRRADIANCE: &str = "frugal_gi/gather/irradiance";
-
-/// The first bytes of a buffer, to which a dynamic offset may be added.
-pub(super) fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
-    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
-}
 
 /// The irradiance of a GI camera. In the render world.
 #[derive(Component)]
@@ -28,25 +23,25 @@ pub(in crate::gi) struct GatherView {
     pub irradiance: CachedTexture,
     /// That of the frame before, of views that filter. It may have another resolution.
     pub previous: Option<CachedTexture>,
-    settings: Buffer,
-    /// The number of sets and the pixel fraction that `settings` is for.
-    made_for: (u32, GiPixelFraction),
+    pub settings: Buffer,
+    /// The pixel fraction that `settings` is for.
+    made_for: GiPixelFraction,
 }
 
 impl GatherView {
-    fn new(device: &RenderDevice, view: &GiView, plan: &VplPlan) -> Self {
+    fn new(device: &RenderDevice, view: &GiView) -> Self {
         let fraction = view.gi.pixel_fraction;
         Self {
             irradiance: irradiance_texture(device, IRRADIANCE, view.cells()),
             previous: None,
-            settings: settings_buffer(device, plan, fraction),
-            made_for: (plan.sets, fraction),
+            settings: filled_buffer(
+                device,
+                "frugal_gi/gather/settings",
+                bytemuck::bytes_of(&GatherSettings::new(fraction)),
+                BufferUsages::UNIFORM,
+            ),
+            made_for: fraction,
         }
-    }
-
-    /// The settings of the first set, to which a dynamic offset may be added.
-    pub(crate) fn first_settings(&self) -> BindingResource<'_> {
-        first_of(&self.settings, size_of::<GatherSettings>() as u64)
     }
 
     /// Makes the irradiance [`previous`](Self::previous), and the other texture the one to gather
@@ -65,36 +60,20 @@ impl GatherView {
     }
 }
 
-fn settings_buffer(device: &RenderDevice, plan: &VplPlan, fraction: GiPixelFraction) -> Buffer {
-    let bytes = settings_bytes(plan, fraction);
-    filled_buffer(device, "frugal_gi/gather/settings", &bytes, BufferUsages::UNIFORM)
-}
-
-/// Bytes from one dispatch's settings to the next.
-pub(super) const SETTINGS_STRIDE: u64 = 256;
-
 /// `gather/gather.wgsl`'s `Gather`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(in crate::gi) struct GatherSettings {
     pub cell_width: u32,
     pub cell_height: u32,
-    pub interleave_offset: [u32; 2],
+    padding: [u32; 2],
 }
 
-/// The settings of every set's dispatch, each at its dynamic offset.
-fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction) -> Vec<u8> {
-    let (cell_width, cell_height) = fraction.cell();
-    let mut bytes = vec![0; plan.sets as usize * SETTINGS_STRIDE as usize];
-    for (set, chunk) in (0..).zip(bytes.chunks_exact_mut(SETTINGS_STRIDE as usize)) {
-        let settings = GatherSettings {
-            cell_width,
-            cell_height,
-            interleave_offset: plan.interleave_offset(set).to_array(),
-        };
-        chunk[..size_of::<GatherSettings>()].copy_from_slice(bytemuck::bytes_of(&settings));
+impl GatherSettings {
+    fn new(fraction: GiPixelFraction) -> Self {
+        let (cell_width, cell_height) = fraction.cell();
+        Self { cell_width, cell_height, padding: [0; 2] }
     }
-    bytes
 }
 
 /// A texture of irradiance at low resolution.
@@ -142,25 +121,24 @@ pub(in crate::gi) fn texture_bytes(texture: &CachedTexture) -> u64 {
     size.x * size.y * u64::from(texel)
 }
 
-/// Gives every view its irradiance texture and its dispatches' settings.
+/// Gives every view its irradiance texture and its settings.
 pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut views: Query<(Entity, &GiView, &VplView, Option<&mut GatherView>)>,
+    mut views: Query<(Entity, &GiView, Option<&mut GatherView>), With<VplView>>,
 ) {
-    for (entity, view, VplView { plan, .. }, held) in &mut views {
+    for (entity, view, held) in &mut views {
         let Some(mut held) = held else {
-            commands.entity(entity).insert(GatherView::new(&device, view, plan));
+            commands.entity(entity).insert(GatherView::new(&device, view));
             continue;
         };
         let fraction = view.gi.pixel_fraction;
-        if held.made_for.0 != plan.sets {
-            held.settings = settings_buffer(&device, plan, fraction);
-        } else if held.made_for.1 != fraction {
-            queue.write_buffer(&held.settings, 0, &settings_bytes(plan, fraction));
+        if held.made_for != fraction {
+            let settings = GatherSettings::new(fraction);
+            queue.write_buffer(&held.settings, 0, bytemuck::bytes_of(&settings));
         }
-        held.made_for = (plan.sets, fraction);
+        held.made_for = fraction;
         // Those that filter swap textures when their history advances.
         if !view.gi.filters() {
             held.previous = None;

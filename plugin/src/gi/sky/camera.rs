@@ -28,9 +28,8 @@ pub(in crate::gi) const STRATA: u32 = 1024;
 pub(in crate::gi) const STRATA_PER_GROUP: u32 = 4;
 /// Steps along each side of a stratum in which `fill.wgsl` reads the map.
 pub(in crate::gi) const STEPS: u32 = 16;
-/// Bytes from one set of samples to the next: room for the most samples of a pixel, and a multiple
-/// of the alignment of uniform offsets.
-pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
+/// Bytes from one set of samples to the next: room for the most samples of a pixel.
+const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
 
 /// `sky/sky.wgsl`'s `SkyPlan`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -117,18 +116,16 @@ impl SkyCamera {
     ) -> Self {
         let storage = BufferUsages::STORAGE;
         let filled = |label, contents: &[u8]| filled_buffer(device, label, contents, storage);
-        let empty = |label, size, usage| {
-            empty_buffer(device, label, size, storage | usage | BufferUsages::COPY_SRC)
-        };
+        let empty =
+            |label, size| empty_buffer(device, label, size, storage | BufferUsages::COPY_SRC);
         let (sets, strata) = (u64::from(plan.sets), u64::from(STRATA));
-        let (none, uniform) = (BufferUsages::empty(), BufferUsages::UNIFORM);
         Self {
             plan,
             sequence: 0,
             plan_buffer: filled("frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
-            samples: empty("frugal_gi/sky/samples", sets * SET_BYTES, uniform),
-            strata: empty("frugal_gi/sky/strata", strata * SKY_LIGHT_BYTES, none),
-            importance: empty("frugal_gi/sky/importance", strata * 4, none),
+            samples: empty("frugal_gi/sky/samples", sets * SET_BYTES),
+            strata: empty("frugal_gi/sky/strata", strata * SKY_LIGHT_BYTES),
+            importance: empty("frugal_gi/sky/importance", strata * 4),
             reading_buffer: filled("frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
             reading,
             is_filled: AtomicBool::new(false),

@@ -25,8 +25,7 @@ use bevy::shader::load_shader_library;
 
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 pub(super) use camera::{
-    SET_BYTES, SKY_LIGHT_BYTES, STEPS, STRATA, STRATA_PER_GROUP, SkyCamera, SkyInputs, SkyPlan,
-    SkyReading,
+    SKY_LIGHT_BYTES, STEPS, STRATA, STRATA_PER_GROUP, SkyCamera, SkyInputs, SkyPlan, SkyReading,
 };
 pub(super) use pass::sample;
 

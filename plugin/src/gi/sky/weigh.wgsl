@@ -9,7 +9,7 @@
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
 #import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ROWS}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
-#import bevy_frugal_gi::gi::trace::trace::{is_open, surface_offset}
+#import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_open, surface_offset}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -21,6 +21,7 @@ var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    begin_trace(lane);
     let size = image_size(view.viewport);
     // Every other row is shifted by half a rectangle.
     let cell = vec2<f32>(vec2(lane % COLUMNS, lane / COLUMNS));

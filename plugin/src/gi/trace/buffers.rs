@@ -6,9 +6,11 @@ use bevy::render::render_resource::binding_types::storage_buffer_read_only_sized
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-use super::bvh::{Instance, Node, TriangleWords};
+use super::bvh::Node;
+use super::mesh::{Instance, TriangleWords};
 use super::mirror::Upload;
 use super::occluders::{GiOccluders, OccluderScene};
+use super::wide::WideNode;
 use crate::gi::settings::FrugalGi;
 use crate::gi::texels::TexelStore;
 use crate::gi::view::SkySource;
@@ -113,7 +115,7 @@ fn missing(scene: &OccluderScene, array: usize, version: u64, room: usize) -> Op
 
 /// Bytes of an item of each array.
 const ITEM_BYTES: [usize; 4] =
-    [size_of::<Node>(), size_of::<Instance>(), size_of::<Node>(), size_of::<TriangleWords>()];
+    [size_of::<Node>(), size_of::<Instance>(), size_of::<WideNode>(), size_of::<TriangleWords>()];
 
 const LABELS: [&str; 4] = [
     "frugal_gi/trace/instance_nodes",
@@ -213,7 +215,7 @@ pub(super) fn prepare(
     let nothing = [0_u8; 64];
     for (index, array) in buffers.arrays.iter_mut().enumerate() {
         let nothing = match index {
-            0 | 2 => bytemuck::bytes_of(&Node::NOTHING),
+            0 => bytemuck::bytes_of(&Node::NOTHING),
             _ => &nothing[..ITEM_BYTES[index]],
         };
         let gpu = (&*device, &*queue);

@@ -9,10 +9,11 @@ use std::sync::Arc;
 use bevy::platform::collections::HashMap;
 
 use super::arena::Arena;
-use super::bvh::{MeshBvh, Node, TriangleWords};
+use super::mesh::{MeshBvh, TriangleWords};
 use super::micromap::SOLID;
 use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::trees::{JointBvhs, Tree, TreeKey, Trees};
+use super::wide::WideNode;
 
 /// Where a piece of a mesh lies.
 #[derive(Debug)]
@@ -35,7 +36,7 @@ struct PlacedTree {
 /// Trees of all meshes.
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
-    pub nodes: Mirrored<Node>,
+    pub nodes: Mirrored<WideNode>,
     pub triangles: Mirrored<TriangleWords>,
     node_ranges: Arena,
     triangle_ranges: Arena,
@@ -56,12 +57,11 @@ impl Geometry {
         self.triangle_count
     }
 
-    /// First node and the one after the last of what a joint moves.
-    pub(super) fn nodes_of(&self, key: &TreeKey, joint: u16) -> Option<[u32; 2]> {
+    /// The root of what a joint moves.
+    pub(super) fn root_of(&self, key: &TreeKey, joint: u16) -> Option<u32> {
         let pieces = &self.placed.get(key)?.pieces;
         let place = pieces.binary_search_by_key(&joint, |piece| piece.joint).ok()?;
-        let nodes = &pieces[place].nodes;
-        Some([nodes.start as u32, nodes.end as u32])
+        Some(pieces[place].nodes.start as u32)
     }
 
     /// Takes out trees that are gone or were built anew, and puts in those that are ready, `order`
@@ -123,7 +123,7 @@ impl Geometry {
     /// Writes a piece; `None` if there is no room for it.
     fn place(&mut self, joint: u16, piece: &MeshBvh, most: usize) -> Option<PlacedPiece> {
         let room = |bytes: usize| most / bytes;
-        let nodes = self.node_ranges.take(piece.nodes.len(), room(size_of::<Node>()));
+        let nodes = self.node_ranges.take(piece.nodes.len(), room(size_of::<WideNode>()));
         let triangles =
             self.triangle_ranges.take(piece.triangles.len(), room(size_of::<TriangleWords>()));
         let (Some(nodes), Some(triangles)) = (nodes.clone(), triangles.clone()) else {
@@ -132,7 +132,7 @@ impl Geometry {
             self.triangle_ranges.give(triangles.unwrap_or_default());
             return None;
         };
-        let moved: Vec<Node> =
+        let moved: Vec<WideNode> =
             piece.nodes.iter().map(|node| node.moved(nodes.start, triangles.start)).collect();
         self.nodes.write(nodes.start, &moved);
         self.triangles.write(triangles.start, &piece.triangles);
@@ -164,6 +164,7 @@ mod tests {
     use bevy::asset::uuid::Uuid;
     use bevy::math::Vec3;
 
+    use super::super::wide::below;
     use super::*;
 
     fn key(number: u128) -> TreeKey {
@@ -197,29 +198,28 @@ mod tests {
         }
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 3);
         assert_eq!(geometry.triangle_count(), 19);
-        let place = geometry.nodes_of(&key(3), 0).expect("placed");
+        let place = geometry.root_of(&key(3), 0).expect("placed");
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 0, "nothing changed");
 
         trees.values.remove(&key(2));
         trees.values.insert(key(4), tree(7));
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 2);
-        assert_eq!(geometry.nodes_of(&key(3), 0), Some(place));
-        assert_eq!(geometry.nodes_of(&key(2), 0), None);
+        assert_eq!(geometry.root_of(&key(3), 0), Some(place));
+        assert_eq!(geometry.root_of(&key(2), 0), None);
         assert_eq!(geometry.triangles.len(), 19, "in the place of what went");
         let uploaded = geometry.triangles.missing(1, 19).expect("a new version");
         let bytes: usize = uploaded.pieces.iter().map(|(_, bytes)| bytes.len()).sum();
         assert_eq!(bytes, 7 * size_of::<TriangleWords>(), "only the new one");
         // Each node's triangles are the tree's own.
         for number in [1, 3, 4] {
-            let [first, end] = geometry.nodes_of(&key(number), 0).expect("placed");
-            let nodes = &geometry.nodes[first as usize..end as usize];
-            let leaves: Vec<usize> = nodes.iter().flat_map(Node::primitives).collect();
-            let corners = leaves.iter().map(|leaf| geometry.triangles[*leaf].corner[0] as usize);
+            let root = geometry.root_of(&key(number), 0).expect("placed");
+            let triangles = below(&geometry.nodes, root as usize);
+            let corners =
+                triangles.iter().map(|index| geometry.triangles[*index].corner[0] as usize);
             let mut corners: Vec<usize> = corners.collect();
             corners.sort_unstable();
             let count = if number == 4 { 7 } else { 5 };
             assert_eq!(corners, (0..count).collect::<Vec<_>>(), "tree {number}");
-            assert_eq!(nodes[0].skip, end, "skips to its end");
         }
     }
 
@@ -244,7 +244,7 @@ mod tests {
         }
         let most = 110 * size_of::<TriangleWords>();
         update(&mut geometry, &trees, most);
-        let placed = (1..=3).filter(|number| geometry.nodes_of(&key(*number), 0).is_some());
+        let placed = (1..=3).filter(|number| geometry.root_of(&key(*number), 0).is_some());
         assert_eq!((placed.count(), geometry.triangle_count()), (2, 100));
     }
 }

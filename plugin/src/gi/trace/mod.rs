@@ -3,7 +3,9 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal, and an instance of it |
+//! | `bvh` | none | binary hierarchies for stackless traversal |
+//! | `wide` | none | hierarchies of four children a node, with quantised boxes |
+//! | `mesh` | none | a mesh's triangles in a wide hierarchy, and an instance of it |
 //! | `micromap` | none | opacity micromaps of alpha masks |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
 //! | `skin` | main | what joints move of skinned meshes, and where |
@@ -22,12 +24,14 @@ mod arena;
 mod buffers;
 mod bvh;
 mod geometry;
+mod mesh;
 mod micromap;
 mod mirror;
 mod occluders;
 mod skin;
 mod top;
 mod trees;
+mod wide;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::visibility::VisibilitySystems;
@@ -40,12 +44,14 @@ use bevy::transform::TransformSystems;
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
 pub(super) use buffers::{OccluderBuffers, missing_bytes};
 pub use occluders::GiOccluders;
+pub(super) use wide::MAX_LEVELS;
 
 /// Bytes of the structs of `trace.wgsl`. A test compares them with the shader.
-pub(super) const STRUCT_BYTES: [(&str, u64); 3] = [
+pub(super) const STRUCT_BYTES: [(&str, u64); 4] = [
     ("Node", size_of::<bvh::Node>() as u64),
-    ("Instance", size_of::<bvh::Instance>() as u64),
-    ("Triangle", size_of::<bvh::TriangleWords>() as u64),
+    ("WideNode", size_of::<wide::WideNode>() as u64),
+    ("Instance", size_of::<mesh::Instance>() as u64),
+    ("Triangle", size_of::<mesh::TriangleWords>() as u64),
 ];
 
 pub(super) struct TracePlugin;

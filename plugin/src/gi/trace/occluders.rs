@@ -16,8 +16,8 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::GlobalTransform;
 
-use super::bvh::{Instance, instance};
 use super::geometry::Geometry;
+use super::mesh::{Instance, instance};
 use super::skin::{InstanceKey, Skins};
 use super::top::{Bounds, TopTree};
 use super::trees::{self, TreeKey, Trees, ready, waiting};
@@ -332,8 +332,8 @@ impl OccluderScene {
     /// A part's instance; `None` where nothing of it occludes light.
     fn place(&self, part: &InstanceKey) -> Option<(Instance, Bounds)> {
         let (key, affine) = self.parts.get(part)?;
-        let nodes = self.geometry.nodes_of(key, part.joint)?;
-        instance(ready(&self.trees, key, part.joint)?, nodes, affine)
+        let root = self.geometry.root_of(key, part.joint)?;
+        instance(ready(&self.trees, key, part.joint)?, root, affine)
     }
 
     /// Puts the trees that are built into the arrays, and takes those out that are gone. Returns

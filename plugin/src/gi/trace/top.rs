@@ -11,7 +11,8 @@ use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
 
-use super::bvh::{Effort, FlatBvh, Instance, Node, fitted, refit};
+use super::bvh::{Effort, FlatBvh, Node, fitted, refit};
+use super::mesh::Instance;
 use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::skin::InstanceKey;
 
@@ -112,7 +113,7 @@ impl TopTree {
     pub(super) fn edit(&mut self, set: Vec<Placed>, removed: &[InstanceKey], most: usize) {
         for part in removed {
             if let Some(slot) = self.slots.remove(part) {
-                let instance = Instance { nodes: [0; 2], ..self.instances[slot] };
+                let instance = Instance { root: Instance::NOTHING, ..self.instances[slot] };
                 self.instances.set(slot, instance);
                 self.parts[slot] = None;
                 self.gone += 1;
@@ -289,7 +290,10 @@ impl TopTree {
                 let index = *index as usize;
                 match old.slots.get(&parts[index]) {
                     Some(slot) => (Some(parts[index]), (instances[*slot], old.bounds[*slot])),
-                    None => (None, (Instance::zeroed(), boxes[index])),
+                    None => (
+                        None,
+                        (Instance { root: Instance::NOTHING, ..Instance::zeroed() }, boxes[index]),
+                    ),
                 }
             })
             .unzip();

@@ -11,7 +11,7 @@ use super::*;
 /// A cube of half a metre around a place, as an instance that can be told from others.
 fn placed(number: u32, place: [f32; 3]) -> Placed {
     let part = part(number);
-    let instance = Instance { nodes: [number + 1, number + 2], ..Instance::zeroed() };
+    let instance = Instance { root: number, ..Instance::zeroed() };
     let (place, half) = (Vec3A::from(place), Vec3A::splat(0.25));
     (part, instance, (place - half, place + half))
 }
@@ -36,9 +36,9 @@ fn found(tree: &TopTree, point: Vec3A) -> Vec<u32> {
         }
         for slot in node.primitives() {
             let (min, max) = tree.bounds[slot];
-            let [first, end] = tree.instances[slot].nodes;
-            if first < end && contains(min, max) {
-                found.push(first - 1);
+            let root = tree.instances[slot].root;
+            if root != Instance::NOTHING && contains(min, max) {
+                found.push(root);
             }
         }
         index += 1;

@@ -1,9 +1,11 @@
-// Occlusion between two points: rays through a two-level bounding volume hierarchy, in the layout
-// of `trace/bvh.rs`.
+// Occlusion between two points: rays through a two-level bounding volume hierarchy.
 //
-// Stackless: nodes lie in depth-first order, each with a link to the node after its subtree.
-// Instances are traversed in world space, their triangles in the mesh's own space; the ray's
-// parameter is the same in both.
+// Instances lie in a binary tree (`trace/bvh.rs`) in world space, without a stack: nodes in depth-first
+// order, each with a link to the node after its subtree. A mesh's triangles lie in a wide tree
+// (`trace/wide.rs`) in the mesh's own space, with a short stack in workgroup memory; the ray's parameter
+// is the same in both.
+//
+// An entry point that traces calls `begin_trace` first.
 //
 // Alpha masks are tested only where MASKS is defined, since the test costs time without any, too.
 #define_import_path bevy_frugal_gi::gi::trace::trace
@@ -17,15 +19,38 @@ struct Node {
     leaf: u32,
 }
 
+/// Up to four boxes on a grid of the node's own, with what they hold.
+struct WideNode {
+    /// Where the grid begins.
+    origin: vec3<f32>,
+    /// From the lowest byte: exponents of the grid's steps along x, y, z; number of inner children,
+    /// which come first.
+    grid: u32,
+    /// A byte for each child, along x, y, z.
+    lower: vec3<u32>,
+    /// The first inner child; the others follow.
+    first_child: u32,
+    upper: vec3<u32>,
+    /// The first triangle of all leaves.
+    first_triangle: u32,
+    /// 16 bits for each child: which of the node's triangles it holds.
+    held: vec2<u32>,
+    padding: vec2<u32>,
+}
+
 /// An instance of a mesh.
 struct Instance {
     /// Rows of the matrix from the world to the mesh.
     local_from_world: array<vec4<f32>, 3>,
-    /// The mesh's first node and the one after its last.
-    first_node: u32,
-    end_node: u32,
-    padding: vec2<u32>,
+    /// The mesh's first node, or NOTHING.
+    root: u32,
+    padding_1: u32,
+    padding_2: u32,
+    padding_3: u32,
 }
+
+/// The root of an instance that is gone.
+const NOTHING: u32 = 0xffffffffu;
 
 /// A corner and two edges, and an opacity micromap of 64 bits (see `trace/micromap.rs`).
 struct Triangle {
@@ -39,8 +64,22 @@ struct Triangle {
 
 @group(1) @binding(0) var<storage, read> instance_nodes: array<Node>;
 @group(1) @binding(1) var<storage, read> instances: array<Instance>;
-@group(1) @binding(2) var<storage, read> mesh_nodes: array<Node>;
+@group(1) @binding(2) var<storage, read> mesh_nodes: array<WideNode>;
 @group(1) @binding(3) var<storage, read> triangles: array<Triangle>;
+
+/// Most levels of a mesh's tree, of which each leaves at most one entry behind.
+const STACK: u32 = 16u;
+/// Most threads of a workgroup that traces.
+const THREADS: u32 = 64u;
+
+/// STACK × THREADS entries.
+var<workgroup> stack: array<u32, 1024>;
+var<private> thread: u32;
+
+/// Gives a thread its part of the stack. `index`: of the thread in its workgroup, below THREADS.
+fn begin_trace(index: u32) {
+    thread = index;
+}
 
 /// Reciprocal direction without division by zero, nor NaN from 0 · ∞ in a box test.
 fn reciprocal(direction: vec3<f32>) -> vec3<f32> {
@@ -91,28 +130,71 @@ fn meets_triangle(triangle: Triangle, origin: vec3<f32>, direction: vec3<f32>) -
     return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && is_opaque(triangle, u, v);
 }
 
+/// The bytes of a word, from the lowest.
+fn bytes_of(word: u32) -> vec4<f32> {
+    return vec4<f32>((vec4(word) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u));
+}
+
+/// Where along the ray planes of a node's grid are, one for each child.
+fn planes(steps: u32, along: f32, start: f32) -> vec4<f32> {
+    return bytes_of(steps) * along + start;
+}
+
 fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3<f32>) -> bool {
+    if instance.root == NOTHING {
+        return false;
+    }
     let rows = instance.local_from_world;
     let at = vec4(world_origin, 1.0);
     let along = vec4(world_direction, 0.0);
     let origin = vec3(dot(rows[0], at), dot(rows[1], at), dot(rows[2], at));
     let direction = vec3(dot(rows[0], along), dot(rows[1], along), dot(rows[2], along));
     let inverse = reciprocal(direction);
-    var index = instance.first_node;
-    while index < instance.end_node {
-        let node = mesh_nodes[index];
-        var next = node.skip;
-        if meets_box(node, origin, inverse) {
-            // The next node is the first child of an inner node, or the one after a leaf.
-            next = index + 1u;
-            let first = node.leaf >> 3u;
-            for (var i = 0u; i < (node.leaf & 7u); i++) {
-                if meets_triangle(triangles[first + i], origin, direction) {
-                    return true;
+    let is_negative = inverse < vec3(0.0);
+    // Nodes side by side that are still to visit: the first one's index × 16, and a bit for each.
+    var nodes = instance.root * 16u + 1u;
+    var depth = 0u;
+    loop {
+        // Boxes, until there are triangles to test: a workgroup then tests most of them together.
+        var triangle = 0u;
+        var held = 0u;
+        while held == 0u {
+            if (nodes & 15u) == 0u {
+                if depth == 0u {
+                    return false;
                 }
+                depth--;
+                nodes = stack[depth * THREADS + thread];
+            }
+            let node = mesh_nodes[(nodes >> 4u) + firstTrailingBit(nodes)];
+            nodes &= nodes - 1u;
+            let step = bitcast<vec3<f32>>(((vec3(node.grid) >> vec3(0u, 8u, 16u)) & vec3(255u)) << vec3(23u)) * inverse;
+            let start = (node.origin - origin) * inverse;
+            let near_side = select(node.lower, node.upper, is_negative);
+            let far_side = select(node.upper, node.lower, is_negative);
+            let near = max(max(planes(near_side.x, step.x, start.x), planes(near_side.y, step.y, start.y)), max(planes(near_side.z, step.z, start.z), vec4(0.0)));
+            let far = min(min(planes(far_side.x, step.x, start.x), planes(far_side.y, step.y, start.y)), min(planes(far_side.z, step.z, start.z), vec4(1.0)));
+            // Slightly widened, so that rounding opens no seam between boxes.
+            let is_met = near <= far * 1.0000004;
+            let children = select(vec4(0u), vec4(1u, 2u, 4u, 8u), is_met);
+            let inner = (children.x | children.y | children.z | children.w) & ((1u << (node.grid >> 24u)) - 1u);
+            let leaves = select(vec4(0u), vec4(node.held.x & 0xffffu, node.held.x >> 16u, node.held.y & 0xffffu, node.held.y >> 16u), is_met);
+            held = leaves.x | leaves.y | leaves.z | leaves.w;
+            triangle = node.first_triangle;
+            if inner != 0u {
+                if (nodes & 15u) != 0u {
+                    stack[depth * THREADS + thread] = nodes;
+                    depth++;
+                }
+                nodes = node.first_child * 16u + inner;
             }
         }
-        index = next;
+        while held != 0u {
+            if meets_triangle(triangles[triangle + firstTrailingBit(held)], origin, direction) {
+                return true;
+            }
+            held &= held - 1u;
+        }
     }
     return false;
 }

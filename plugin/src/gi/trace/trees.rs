@@ -9,7 +9,7 @@ use bevy::mesh::Mesh;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 
-use super::bvh::MeshBvh;
+use super::mesh::MeshBvh;
 use super::micromap::{SOLID, micromap};
 use super::skin::{Influences, split};
 use crate::gi::surfaces::{

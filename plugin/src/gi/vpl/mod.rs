@@ -20,7 +20,7 @@ use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use passes::{SampleInputs, TILE_GROUP, VplKernels, WEIGH_GROUP};
+pub(super) use passes::{SampleInputs, TILE_GROUP, TILE_POINTS, VplKernels, WEIGH_GROUP};
 pub(super) use plan::{VPL_BYTES, VplPlan};
 pub(super) use view::{
     IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, VplView,
@@ -74,7 +74,7 @@ pub(super) fn sample(
         buffers,
         importance: &buffers.importance,
         vpls: &vpl.vpls,
-        plan: (&vpl.plan_buffer, vpl.plan.slots()),
+        plan: (&vpl.plan_buffer, vpl.plan.count()),
     };
     let passes = kernels.passes(&context, &cache, traced.is_some(), inputs);
     let (Some(pick), Some(passes)) = (kernels.pick_importance_points.get(&cache, &[]), passes)

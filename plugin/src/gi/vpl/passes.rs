@@ -9,13 +9,15 @@ use bevy::render::renderer::RenderContext;
 use bevy::render::view::ViewUniform;
 use bevy::shader::ShaderDefVal;
 
-use super::view::SamplingBuffers;
+use super::view::{IMPORTANCE_POINTS, SamplingBuffers};
 use crate::gi::compute::{CameraInputs, Kernel, definitions, read, write};
 use crate::gi::texels::TILE;
 use crate::gi::trace::OccluderBuffers;
 
 /// Tiles and rows of a workgroup of `tile_visibility.wgsl`, texels and rows of one of `weigh.wgsl`.
 pub(in crate::gi) const TILE_GROUP: [u32; 2] = [2, 16];
+/// Importance points of a thread of `tile_visibility.wgsl`.
+pub(in crate::gi) const TILE_POINTS: u32 = 4;
 pub(in crate::gi) const WEIGH_GROUP: [u32; 2] = [16, 4];
 
 #[derive(Resource)]
@@ -173,7 +175,8 @@ impl SamplingPasses<'_> {
         pass.dispatch_workgroups(
             self.inputs.buffers.longest_row.div_ceil(TILE).div_ceil(TILE_GROUP[0]),
             self.rows().div_ceil(TILE_GROUP[1]),
-            1,
+            // A row that shares its tile with no other traces a ray from every point.
+            (IMPORTANCE_POINTS as u32).div_ceil(TILE_POINTS),
         );
     }
 

@@ -10,8 +10,6 @@ struct Plan {
     sets: u32,
     /// VPLs in each set.
     per_set: u32,
-    /// VPLs from one set to the next in the buffer.
-    stride: u32,
     /// Which samples of the weights: 0 while something changes, others at rest.
     sequence: u32,
 }

@@ -100,11 +100,11 @@ const MIN_RADIUS_SQUARED: f32 = 1e-10;
 
 @compute @workgroup_size(64)
 fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
-    let which = id.x / plan.stride;
-    let member = id.x % plan.stride;
-    if which >= plan.sets {
+    if id.x >= plan.sets * plan.per_set {
         return;
     }
+    let which = id.x / plan.per_set;
+    let member = id.x % plan.per_set;
     let total = row_cdf[arrayLength(&row_cdf) - 1u];
     let count = f32(plan.per_set);
     let shift = f32(plan.sequence) * vec2(0.7548777, 0.5698403);
@@ -119,10 +119,9 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     // which the texel was sampled, rounding included.
     let weight = texel_cdf[index] - select(0.0, texel_cdf[max(index, 1u) - 1u], index > row.first_weight);
 
-    // Rounding may reach a last row or texel of weight 0: its VPL carries no flux. Nor does padding
-    // of the set's stride.
+    // Rounding may reach a last row or texel of weight 0: its VPL carries no flux.
     let share = total / (max(weight, 1e-36) * count);
-    let carries = weight > 0.0 && share < 1e30 && member < plan.per_set;
+    let carries = weight > 0.0 && share < 1e30;
     var vpl: Vpl;
     vpl.position = texel.position;
     vpl.normal = texel_normal(texel);

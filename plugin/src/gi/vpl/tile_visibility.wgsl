@@ -9,7 +9,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::apparent_distance
-#import bevy_frugal_gi::gi::trace::trace::{is_occluded, surface_offset}
+#import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, surface_offset}
 #import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
@@ -28,10 +28,14 @@ const TRIES: u32 = 4u;
 const GROUP_TILES: u32 = 2u;
 const GROUP_ROWS: u32 = 16u;
 
-/// One thread per row and tile's width of it. The rows of a tile divide the importance points among
-/// them.
+/// Most importance points of a thread: a ray takes long.
+const POINTS: u32 = 4u;
+
+/// Threads for each row and tile's width of it. The rows of a tile divide the importance points among
+/// them, and so do a row's threads along z.
 @compute @workgroup_size(GROUP_TILES, GROUP_ROWS)
-fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
+fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    begin_trace(thread);
     if id.y >= arrayLength(&rows) {
         return;
     }
@@ -42,7 +46,9 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let width = min(row.length - first, TILE);
     var found = 0u;
-    for (var i = row.row_in_tile; i < IMPORTANCE_POINTS; i += row.tile_rows) {
+    let first_point = row.row_in_tile + id.z * POINTS * row.tile_rows;
+    let end = min(first_point + POINTS * row.tile_rows, IMPORTANCE_POINTS);
+    for (var i = first_point; i < end; i += row.tile_rows) {
         let point = importance.points[i];
         for (var j = 0u; j < TRIES; j++) {
             // Any four columns, different ones for each importance point.
@@ -54,14 +60,16 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
                 // the tile.
                 if importance_of(point, texel.position, normal) > 0.0 {
                     let start = point.position + point.normal * offset_at(point.position, point.pixel_width);
-                    let end = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
-                    found |= select(0u, 1u << i, is_occluded(start, end));
+                    let target_point = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
+                    found |= select(0u, 1u << i, is_occluded(start, target_point));
                 }
                 break;
             }
         }
     }
-    atomicOr(&occluded_tiles[row.first_tile + id.x], found);
+    if found != 0u {
+        atomicOr(&occluded_tiles[row.first_tile + id.x], found);
+    }
 }
 
 fn offset_at(position: vec3<f32>, width: f32) -> f32 {

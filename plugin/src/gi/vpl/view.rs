@@ -6,7 +6,7 @@ use bevy::ecs::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-use super::plan::VplPlan;
+use super::plan::{VPL_BYTES, VplPlan};
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::texels::{TexelRow, same_layout};
 use crate::gi::view::GiView;
@@ -42,10 +42,11 @@ impl VplView {
 
 fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
     let storage = BufferUsages::STORAGE;
-    let usage = storage | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
+    // No binding may be empty.
+    let bytes = u64::from(plan.count().max(1)) * VPL_BYTES;
     (
         filled_buffer(device, "frugal_gi/vpl/plan", bytemuck::bytes_of(plan), storage),
-        empty_buffer(device, "frugal_gi/vpl/vpls", plan.buffer_bytes(), usage),
+        empty_buffer(device, "frugal_gi/vpl/vpls", bytes, storage | BufferUsages::COPY_SRC),
     )
 }
 
