@@ -41,6 +41,8 @@ pub mod power;
 pub mod resolution;
 mod schedule;
 pub mod signals;
+#[cfg(feature = "stage")]
+pub mod stage;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 pub use frugal_core::units;

@@ -4,14 +4,15 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use bevy_frugal_gi::stage::NO_METER;
 use clap::Args;
 use frugal_search::files;
 use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
-use crate::stage::StageOptions;
-use crate::work_meter::{WORK_METER, is_work_meter};
+use crate::stage::{Component, StageOptions};
+use crate::work_meter::is_work_meter;
 
 /// Conditions of images: size, frame rate and knobs.
 #[derive(Args, Debug, Clone)]
@@ -25,6 +26,33 @@ pub(super) struct ImageArguments {
     /// Knobs to use, by name; default: all that affect the scene
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
     pub knobs: Option<Vec<String>>,
+}
+
+/// [`Component`] as an argument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum ComponentArgument {
+    /// All light.
+    Full,
+    /// The renderer's light without global illumination; in a path-traced image, light that at most
+    /// one surface scattered.
+    Direct,
+    /// Indirect light of punctual lights, with Lambertian surfaces; in a path-traced image, light
+    /// that two or more surfaces scattered.
+    Indirect,
+    /// The light that global illumination adds: indirect light, and light of emissive surfaces and
+    /// of the sky on other surfaces.
+    Global,
+}
+
+impl From<ComponentArgument> for Component {
+    fn from(argument: ComponentArgument) -> Self {
+        match argument {
+            ComponentArgument::Full => Self::Full,
+            ComponentArgument::Direct => Self::Direct,
+            ComponentArgument::Indirect => Self::Indirect,
+            ComponentArgument::Global => Self::Global,
+        }
+    }
 }
 
 /// Capture conditions: those of the images, and the meter.
@@ -46,7 +74,7 @@ impl ImageArguments {
             size: self.size,
             frames_per_second: self.fps,
             knobs: self.knobs.clone(),
-            meter: Some(WORK_METER.to_owned()),
+            meter: Some(NO_METER.to_owned()),
             ..Default::default()
         }
     }

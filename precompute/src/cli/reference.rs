@@ -8,11 +8,12 @@ use frugal_trace::metrics::tone;
 use glam::UVec2;
 
 use super::CliError;
-use super::arguments::{CameraArguments, PictureArguments, size, write};
+use super::arguments::{
+    CameraArguments, ComponentArgument as Component, PictureArguments, size, write,
+};
 use super::input::open_scene;
 use super::progress::{Progress, interrupted};
 use crate::scene::ReferenceError;
-use crate::stage::Component;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {

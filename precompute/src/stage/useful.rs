@@ -1,5 +1,7 @@
 //! Knobs that affect a scene.
 
+use bevy::app::App;
+use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
 use frugal_core::knobs::KnobSpace;
 use frugal_trace::light::Light;
 
@@ -50,18 +52,24 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
     Ok(space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
 }
 
-/// All knobs of a stage except the opt-in ones.
+/// All built-in knobs except the opt-in ones.
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are valid.
 pub(crate) fn knobs() -> Result<KnobSpace, StageError> {
-    Ok(super::app::knobs(false)?)
+    built_in(false)
 }
 
-/// All knobs of a stage.
+/// All built-in knobs.
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are valid.
 pub fn every_knob() -> Result<KnobSpace, StageError> {
-    Ok(super::app::knobs(true)?)
+    built_in(true)
+}
+
+fn built_in(with_opt_in: bool) -> Result<KnobSpace, StageError> {
+    let mut app = App::new();
+    app.add_plugins(KnobPlugin);
+    Ok(app.world().resource::<KnobRegistry>().space_with(|_| with_opt_in)?)
 }

@@ -1,10 +1,9 @@
 //! Spawns a scene's geometry, lights, sky and camera in an app.
 
 use bevy::anti_alias::smaa::Smaa;
-use bevy::app::App;
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::{
-    Camera, Camera3d, ClearColorConfig, Exposure, PerspectiveProjection, Projection, RenderTarget,
+    Camera, Camera3d, ClearColorConfig, Exposure, PerspectiveProjection, Projection,
 };
 use bevy::color::{Color, LinearRgba};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
@@ -18,16 +17,14 @@ use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology};
 use bevy::pbr::{MeshMaterial3d, ScreenSpaceAmbientOcclusion, StandardMaterial};
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::AlphaMode;
-use bevy::render::render_resource::{
-    Extent3d, Face, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
-};
+use bevy::render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiOutput, GiShading};
+use bevy_frugal_gi::gi::FrugalGi;
 use frugal_trace::light::Light;
 use frugal_trace::scene::{SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
 use glam::Vec3;
 
-use super::{Component, Output, StageError, StageOptions, environment};
+use super::{StageError, environment};
 use crate::scene::{Environment, LoadedScene};
 
 /// Sets up `scene` for `camera`: spawns its geometry and lights, sets the app's environment light,
@@ -72,91 +69,22 @@ pub fn populate(world: &mut World, scene: &LoadedScene, camera: Entity) -> Resul
     Ok(())
 }
 
-/// Returns the camera and its render target.
-pub(super) fn spawn(
-    app: &mut App,
-    scene: &LoadedScene,
-    options: &StageOptions,
-) -> Result<(Entity, Handle<Image>), StageError> {
-    let world = app.world_mut();
-    let target = world.resource_mut::<Assets<Image>>().add(target_image(options));
-    let camera = spawn_camera(world, options, target.clone());
+/// Spawns `scene` and a camera for it, with the effects on which knobs act, at their own defaults: a
+/// knob adds none by itself.
+pub(super) fn spawn(world: &mut World, scene: &LoadedScene) -> Result<Entity, StageError> {
+    let camera = world.spawn((
+        Camera3d::default(),
+        Tonemapping::TonyMcMapface,
+        DebandDither::Disabled,
+        FrugalGi::default(),
+        Transform::default(),
+        ScreenSpaceAmbientOcclusion::default(),
+        Bloom::NATURAL,
+        Smaa::default(),
+    ));
+    let camera = camera.id();
     populate(world, scene, camera)?;
-    Ok((camera, target))
-}
-
-fn target_image(options: &StageOptions) -> Image {
-    let format = match options.output {
-        Output::Display => TextureFormat::Rgba8UnormSrgb,
-        Output::Radiance => TextureFormat::Rgba16Float,
-    };
-    let size = Extent3d { width: options.size.x, height: options.size.y, depth_or_array_layers: 1 };
-    let mut image = Image::new_uninit(
-        size,
-        TextureDimension::D2,
-        format,
-        RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD,
-    );
-    image.texture_descriptor = TextureDescriptor {
-        label: Some("frugal/stage/target"),
-        usage: TextureUsages::RENDER_ATTACHMENT
-            | TextureUsages::COPY_SRC
-            | TextureUsages::TEXTURE_BINDING,
-        ..image.texture_descriptor
-    };
-    image
-}
-
-fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>) -> Entity {
-    let tonemapping = match options.output {
-        Output::Display => Tonemapping::TonyMcMapface,
-        Output::Radiance => Tonemapping::None,
-    };
-    let output = match options.component {
-        Component::Indirect | Component::Global => GiOutput::IndirectOnly,
-        Component::Full | Component::Direct => GiOutput::Added,
-    };
-    // What is measured is motion, and a picture at rest is that of its last gather.
-    let mut gi = FrugalGi { output, rest_frames: 0, ..Default::default() };
-    match options.component {
-        Component::Direct => gi.vpl_count = 0,
-        Component::Indirect => {
-            (gi.emissive, gi.environment_samples) = (false, 0);
-            gi.shading = GiShading::Lambertian;
-        }
-        Component::Full | Component::Global => {}
-    }
-    let camera = world
-        .spawn((
-            Camera3d::default(),
-            RenderTarget::Image(target.into()),
-            tonemapping,
-            DebandDither::Disabled,
-            gi,
-            Transform::default(),
-        ))
-        .id();
-    spawn_effects(world, camera, options);
-    camera
-}
-
-/// Effects on which knobs act, at their own defaults: a knob adds none by itself. A measurement of
-/// radiance must contain none of them but occlusion.
-fn spawn_effects(world: &mut World, camera: Entity, options: &StageOptions) {
-    let mut camera = world.entity_mut(camera);
-    camera.insert(ScreenSpaceAmbientOcclusion::default());
-    if options.output == Output::Display {
-        camera.insert((Bloom::NATURAL, Smaa::default()));
-    }
-}
-
-/// Names of the knobs that would undo what `options` ask of the camera.
-pub(super) fn overridden_knobs(options: &StageOptions) -> &'static [&'static str] {
-    match options.component {
-        Component::Direct => &["gi_vpl_count"],
-        Component::Indirect => &["gi_environment_samples"],
-        Component::Full | Component::Global => &[],
-    }
+    Ok(camera)
 }
 
 fn spawn_geometry(world: &mut World, geometry: &SceneGeometry, exposure: f32) {

@@ -57,6 +57,7 @@ const PLUGIN: &[&str] = &[
     "control",
     "camera_copy",
     "error_meter",
+    "stage",
 ];
 
 /// The parts of the development tools.
@@ -67,10 +68,8 @@ const TOOL: &[&str] = &[
     "quantile",
     "scene",
     "subject",
-    "meters",
     "work_meter",
     "device",
-    "default_settings",
     "control_log",
     "stage",
     "evaluate",

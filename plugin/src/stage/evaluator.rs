@@ -1,16 +1,28 @@
 //! The stage as the evaluator of a search: power and error of settings at a camera.
 
-use frugal_core::frontier::CostPoint;
-use frugal_core::knobs::KnobLevels;
-use frugal_core::units::Watts;
 use frugal_trace::metrics::{Picture, Reference};
 use frugal_trace::scene::CameraPose;
+use serde::{Deserialize, Serialize};
 
 use super::metering::SHORT_WINDOW;
-use super::{Stage, StageError};
+use super::{Meter, Stage, StageError};
+use crate::knobs::KnobLevels;
+use crate::units::Watts;
 
 /// Unmetered frames at the start of a clip: the first creates textures and pipelines.
 const UNMETERED_FRAMES: usize = 1;
+
+/// Clips that are rendered again because a pipeline was compiled meanwhile, at most.
+const MOST_TRIES: usize = 8;
+
+/// What settings cost at a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    /// Power at the target frame rate; `None` on a stage without a meter.
+    pub power: Option<Watts>,
+    /// 1 − SSIM, against the image of the best settings; 0 of a clip without frames.
+    pub error: f64,
+}
 
 /// Renders and meters on a [`Stage`]; the reference is the best settings' image at the same camera.
 pub struct StageEvaluator {
@@ -40,7 +52,7 @@ impl StageEvaluator {
         &mut self,
         clip: &[CameraPose],
         settings: KnobLevels,
-    ) -> Result<CostPoint, StageError> {
+    ) -> Result<Measurement, StageError> {
         if self.reference.as_ref().is_none_or(|(of, _)| of != clip) {
             let best = self.stage.space.highest();
             self.stage.apply(best);
@@ -48,16 +60,14 @@ impl StageEvaluator {
                 // Some per-camera resources of the scene lag the camera by a frame.
                 self.show(std::slice::from_ref(first));
             }
-            self.stage.apply(best);
-            let (_, shown) = self.play(clip)?;
+            let (_, shown) = self.play(clip, best)?;
             self.reference = Some((clip.to_vec(), Reference::new(&shown)?));
         }
-        self.stage.apply(settings);
-        let (power, shown) = self.play(clip)?;
+        let (power, shown) = self.play(clip, settings)?;
         let Some((_, reference)) = &self.reference else {
-            return Ok(CostPoint::new(power.0, 0.0));
+            return Ok(Measurement { power, error: 0.0 });
         };
-        Ok(CostPoint::new(power.0, reference.error(&shown)?))
+        Ok(Measurement { power, error: reference.error(&shown)? })
     }
 
     fn show(&mut self, poses: &[CameraPose]) {
@@ -67,11 +77,32 @@ impl StageEvaluator {
         }
     }
 
-    /// Power over the clip, and its last image.
-    fn play(&mut self, clip: &[CameraPose]) -> Result<(Watts, Picture), StageError> {
+    /// Power over the clip, and its last image. The clip is rendered anew where a pipeline was
+    /// compiled meanwhile: a frame lacked it.
+    fn play(
+        &mut self,
+        clip: &[CameraPose],
+        settings: KnobLevels,
+    ) -> Result<(Option<Watts>, Picture), StageError> {
+        for _ in 0..MOST_TRIES {
+            self.stage.is_incomplete = false;
+            self.stage.apply(settings);
+            let played = self.play_once(clip)?;
+            if !self.stage.is_incomplete {
+                return Ok(played);
+            }
+            self.stage.finish_pipelines()?;
+        }
+        Err(StageError::NotReady(format!(
+            "it compiled pipelines in each of {MOST_TRIES} renderings of the same frames"
+        )))
+    }
+
+    fn play_once(&mut self, clip: &[CameraPose]) -> Result<(Option<Watts>, Picture), StageError> {
         let (first, rest) = clip.split_at(UNMETERED_FRAMES.min(clip.len()));
         self.show(first);
-        if clip.first() != clip.last() && self.stage.meter.window_seconds() >= SHORT_WINDOW {
+        let window = self.stage.meter.as_ref().map_or(0.0, Meter::window_seconds);
+        if clip.first() != clip.last() && window >= SHORT_WINDOW {
             // The meter's window is longer than the clip. The image is that of the clip; then the
             // camera goes to and fro, since one at rest costs less.
             self.show(rest);
@@ -94,7 +125,7 @@ fn to_and_fro(clip: &[CameraPose], frame: usize) -> Option<&CameraPose> {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Quat, Vec3};
+    use bevy::math::{Quat, Vec3};
 
     use super::*;
 

@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use bevy_frugal_gi::power::{MeterError, PowerMeter};
-use frugal_core::power::{MeterInfo, Provenance};
-use frugal_core::units::Joules;
+use crate::power::{MeterError, PowerMeter};
+use crate::power::{MeterInfo, Provenance};
+use crate::units::Joules;
 
 /// A device of a constant power whose counter has a new value every `step_seconds`, and reads
 /// `glitch` joules more in the second half of each second.

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use bevy_frugal_gi::gi::CameraCut;
-use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings};
-use frugal_core::knobs::{KnobLevels, KnobSpace, KnobSpaceError};
-
-use super::{Stage, StageError, world};
-use crate::default_settings::default_settings;
+use super::default_settings::default_settings;
+use super::level::Held;
+use super::{Stage, StageError, camera};
+use crate::gi::CameraCut;
+use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace, KnobSpaceError};
 
 /// The space of the knobs called `names`, opt-in ones included.
 ///
@@ -82,15 +81,16 @@ impl Stage {
     ) -> Result<(), StageError> {
         let registry = self.app.world().resource::<KnobRegistry>();
         let all = registry.space_with(|name| space.index_of(name).is_some())?;
-        let held = world::overridden_knobs(&self.options);
+        let held = camera::overridden_knobs(&self.options);
         let names = all.knobs().iter().map(|knob| knob.name.as_str());
         let applied = all.subset(names.filter(|name| !held.contains(name)))?;
         let levels = applied.from_levels(|_, knob| {
             space.index_of(&knob.name).map_or(knob.levels.len() - 1, |index| settings.level(index))
         });
-        self.shown = Some((space, settings));
         let wanted = KnobSettings { space: Arc::new(applied), settings: levels };
-        let mut camera = self.app.world_mut().entity_mut(self.camera);
+        let world = self.app.world_mut();
+        Held::settings(world, &wanted);
+        let mut camera = world.entity_mut(self.camera);
         if camera.get::<KnobSettings>() != Some(&wanted) {
             camera.insert(wanted);
         }

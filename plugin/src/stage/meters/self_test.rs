@@ -4,9 +4,9 @@ use std::hint::black_box;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::power::MeterError;
-use frugal_core::power::Provenance;
-use frugal_core::units::Watts;
+use crate::power::MeterError;
+use crate::power::Provenance;
+use crate::units::Watts;
 
 use super::Meter;
 
@@ -22,7 +22,7 @@ const PIECE: Duration = Duration::from_millis(10);
 
 /// Result of a self-test.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct SelfTest {
+pub struct SelfTest {
     /// Mean power while this thread slept, with the meter's idle power.
     pub idle: Watts,
     /// Mean power while the load ran, with the meter's idle power.
@@ -37,7 +37,7 @@ pub(crate) struct SelfTest {
 ///
 /// # Errors
 /// When the meter gives no valid readings, or stands still under load.
-pub(crate) fn self_test(
+pub fn self_test(
     meter: &mut Meter,
     load: &mut dyn FnMut(Duration),
 ) -> Result<SelfTest, MeterError> {
@@ -55,7 +55,7 @@ pub(crate) fn self_test(
 }
 
 /// Keeps one core busy with arithmetic for `duration`.
-pub(crate) fn busy_cpu_load(duration: Duration) {
+pub fn busy_cpu_load(duration: Duration) {
     let start = Instant::now();
     let mut value = 1.0_f64;
     while start.elapsed() < duration {
@@ -69,10 +69,10 @@ pub(crate) fn busy_cpu_load(duration: Duration) {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::power::CpuTimeMeter;
+    use crate::power::CpuTimeMeter;
 
     use super::*;
-    use crate::meters::testing::Steps;
+    use crate::stage::meters::testing::Steps;
 
     #[test]
     fn a_steady_device_does_not_respond() {

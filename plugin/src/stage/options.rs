@@ -1,7 +1,12 @@
 //! Options of a stage: size, rate, the light that its images show, knobs and meter.
 
-use glam::UVec2;
+use bevy::math::UVec2;
 use serde::{Deserialize, Serialize};
+
+use super::StageError;
+
+/// Name of a meter that is none: frames have no power.
+pub const NO_METER: &str = "none";
 
 /// Format of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,7 +20,7 @@ pub enum Output {
 }
 
 /// Component of the light in an image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Component {
     /// All light.
     #[default]
@@ -44,7 +49,7 @@ pub struct StageOptions {
     pub component: Component,
     /// Names of the knobs on offer; `None`: all but the opt-in ones. The others stay at their best.
     pub knobs: Option<Vec<String>>,
-    /// The meter's name; `None`: the one that suits the adapter.
+    /// The meter's name; `None`: the one that suits the adapter; [`NO_METER`]: none.
     pub meter: Option<String>,
 }
 
@@ -58,5 +63,21 @@ impl Default for StageOptions {
             knobs: None,
             meter: None,
         }
+    }
+}
+
+impl StageOptions {
+    /// # Errors
+    /// When size or rate is out of range.
+    pub fn check(&self) -> Result<(), StageError> {
+        // Ambient occlusion needs five mip levels of the view, also at half the resolution. Bevy
+        // aborts rendering if the view is too small for them.
+        if self.size.min_element() == 0 || !(32..=8192).contains(&self.size.max_element()) {
+            return Err(StageError::Size(self.size.x, self.size.y));
+        }
+        if !(self.frames_per_second.is_finite() && self.frames_per_second > 0.0) {
+            return Err(StageError::FrameRate(self.frames_per_second));
+        }
+        Ok(())
     }
 }

@@ -8,15 +8,12 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::power::{Adapter, MeterError};
-use frugal_core::units::{Joules, Watts};
-use glam::{Quat, Vec3};
+use bevy::math::{Quat, Vec3};
 
-use super::{Stage, StageError, StageOptions};
-use crate::meters::{Mean, Meter, Sampled};
-use crate::scene::SceneDescription;
-use crate::subject::frame_layout;
-use crate::work_meter::{WorkLedger, WorkMeter, is_work_meter};
+use super::meters::{Mean, Meter, Sampled};
+use super::{NO_METER, Stage, StageError, StageOptions};
+use crate::power::{Adapter, MeterError};
+use crate::units::{Joules, Watts};
 
 /// Steps of the meter's counter in a window, for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
@@ -31,30 +28,23 @@ const HELD_RATE: f64 = 0.97;
 const WINDOW: Duration = Duration::from_millis(500);
 const MAX_STEP_SECONDS: f64 = 1.0;
 
-/// Opens the meter that `options` name, or the one that covers `adapter`. The ledger counts frames for
-/// the work meter.
-pub(super) fn open(
-    scene: &SceneDescription,
-    options: &StageOptions,
-    adapter: &Adapter,
-) -> Result<(Meter, Option<WorkLedger>), StageError> {
-    let Some(name) = &options.meter else {
-        return Ok((Meter::new(bevy_frugal_gi::power::detect(adapter)?)?, None));
+/// Opens the meter that `options` name, or the one that covers `adapter`.
+pub(super) fn open(options: &StageOptions, adapter: &Adapter) -> Result<Option<Meter>, StageError> {
+    let opened = match options.meter.as_deref() {
+        Some(NO_METER) => return Ok(None),
+        Some(name) => crate::power::open(name)?,
+        None => crate::power::detect(adapter)?,
     };
-    if let Some(file) = is_work_meter(name) {
-        let (meter, ledger) = WorkMeter::open(file, frame_layout(scene, options.size.to_array()))?;
-        return Ok((Meter::new(Box::new(meter))?, Some(ledger)));
-    }
-    Ok((Meter::new(bevy_frugal_gi::power::open(name)?)?, None))
+    Ok(Some(Meter::new(opened)?))
 }
 
 impl Stage {
     /// Power of the current settings, over at least `least` frames, and more where the meter's
-    /// resolution needs them.
+    /// resolution needs them; `None` without a meter.
     ///
     /// # Errors
     /// When the meter cannot be read.
-    pub fn metered_frames(&mut self, least: u32) -> Result<Watts, StageError> {
+    pub fn metered_frames(&mut self, least: u32) -> Result<Option<Watts>, StageError> {
         self.metered(|_| None, least)
     }
 
@@ -63,15 +53,27 @@ impl Stage {
         &mut self,
         pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
         least: u32,
-    ) -> Result<Watts, StageError> {
+    ) -> Result<Option<Watts>, StageError> {
         let power = match &self.meter {
-            Meter::Measured(meter) => {
+            None => {
+                (0..least.max(1)).for_each(|frame| self.posed_frame(pose(frame as usize)));
+                return Ok(None);
+            }
+            Some(Meter::Measured(meter)) => {
                 let meter = Arc::clone(meter);
                 self.measured(&meter, pose)?
             }
-            Meter::Modelled(..) => self.modelled(pose, least)?,
+            Some(Meter::Modelled(..)) => self.modelled(pose, least)?,
         };
-        valid_power(power, &self.meter.info().name)
+        if power.0.is_finite() && power.0 > 0.0 {
+            return Ok(Some(power));
+        }
+        Err(MeterError::broken(self.meter_name(), format!("gave {power} for rendered frames"))
+            .into())
+    }
+
+    fn meter_name(&self) -> String {
+        self.meter.as_ref().map_or_else(|| NO_METER.to_owned(), |meter| meter.info().name)
     }
 
     /// Power by a model of this process' work.
@@ -80,7 +82,7 @@ impl Stage {
         pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
         least: u32,
     ) -> Result<Watts, StageError> {
-        let seconds = self.meter.window_seconds();
+        let seconds = self.meter.as_ref().map_or(0.0, Meter::window_seconds);
         let least_seconds = if seconds < SHORT_WINDOW { 0.0 } else { STEPS_PER_WINDOW * seconds };
         let before = self.energy()?;
         let start = Instant::now();
@@ -97,10 +99,8 @@ impl Stage {
     /// Energy that a model has counted.
     fn energy(&mut self) -> Result<Joules, MeterError> {
         match &mut self.meter {
-            Meter::Modelled(meter, _) => meter.energy(),
-            Meter::Measured(_) => {
-                Err(MeterError::unavailable(self.meter.info().name, "it is read over a time"))
-            }
+            Some(Meter::Modelled(meter, _)) => meter.energy(),
+            _ => Err(MeterError::unavailable(self.meter_name(), "it is read over a time")),
         }
     }
 
@@ -132,7 +132,7 @@ impl Stage {
     }
 
     /// Idle power: measured where the meter covers the whole device, otherwise the meter's own
-    /// figure. The first call takes seconds where it is measured.
+    /// figure; 0 without a meter. The first call takes seconds where it is measured.
     ///
     /// # Errors
     /// When the meter cannot be read.
@@ -146,20 +146,15 @@ impl Stage {
     }
 
     fn measure_idle(&mut self) -> Result<Watts, StageError> {
-        let Meter::Measured(meter) = &self.meter else { return Ok(self.meter.idle()) };
+        let meter = match &self.meter {
+            Some(Meter::Measured(meter)) => meter,
+            other => return Ok(other.as_ref().map_or(Watts(0.0), Meter::idle)),
+        };
         // The device goes to rest first.
         std::thread::sleep(REST);
-        let window = (2.0 * self.meter.window_seconds()).max(2.0);
+        let window = (2.0 * meter.window_seconds()).max(2.0);
         let mut rest = || std::thread::sleep(Duration::from_millis(10));
         Ok(meter.mean(Duration::from_secs_f64(window), &mut rest)?.power)
-    }
-}
-
-fn valid_power(power: Watts, meter: &str) -> Result<Watts, StageError> {
-    if power.0.is_finite() && power.0 > 0.0 {
-        Ok(power)
-    } else {
-        Err(MeterError::broken(meter, format!("gave {power} for rendered frames")).into())
     }
 }
 
@@ -189,7 +184,7 @@ fn meter_frames(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::meters::testing::Steps;
+    use crate::stage::meters::testing::Steps;
 
     #[test]
     fn frames_keep_their_rate_while_they_are_metered() {

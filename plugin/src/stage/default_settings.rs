@@ -2,12 +2,12 @@
 
 use bevy::app::App;
 use bevy::ecs::world::World;
-use bevy_frugal_gi::gi::FrugalGi;
-use bevy_frugal_gi::knobs::{KnobDriver, KnobPlugin, KnobRegistry};
-use frugal_core::knobs::{KnobLevels, KnobSpace, Level};
+
+use crate::gi::FrugalGi;
+use crate::knobs::{KnobDriver, KnobLevels, KnobPlugin, KnobRegistry, KnobSpace, Level};
 
 /// The levels of `FrugalGi::default()`, and the best of every other knob.
-pub(crate) fn default_settings(space: &KnobSpace) -> KnobLevels {
+pub fn default_settings(space: &KnobSpace) -> KnobLevels {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
     let registry = app.world().resource::<KnobRegistry>();
@@ -39,7 +39,10 @@ mod tests {
 
     #[test]
     fn the_default_is_the_component_s_own_and_the_best_of_all_else() {
-        let space = crate::stage::every_knob().expect("the built-in knobs");
+        let mut app = App::new();
+        app.add_plugins(KnobPlugin);
+        let registry = app.world().resource::<KnobRegistry>();
+        let space = registry.space_with(|_| true).expect("the built-in knobs");
         let text = space.describe(default_settings(&space));
         for part in [
             "gi_vpl_count=1024",

@@ -17,11 +17,11 @@ pub(crate) mod testing;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::power::{MeterError, MeterState, PowerMeter, PowerSampler};
-use frugal_core::power::{MeterInfo, Provenance};
-use frugal_core::units::{Joules, Watts};
+use crate::power::{MeterError, MeterState, PowerMeter, PowerSampler};
+use crate::power::{MeterInfo, Provenance};
+use crate::units::{Joules, Watts};
 
-pub(crate) use self_test::{busy_cpu_load, self_test};
+pub use self_test::{SelfTest, busy_cpu_load, self_test};
 
 /// A meter's windows are at most this long, whatever it says.
 const LONGEST_WINDOW_SECONDS: f64 = 60.0;
@@ -33,7 +33,7 @@ const SETTLE: Duration = Duration::from_millis(400);
 const PATIENCE: Duration = Duration::from_secs(15);
 
 /// A meter of measurements.
-pub(crate) enum Meter {
+pub enum Meter {
     /// A model of this process' work, which is read at once. Its time counts from the second field.
     Modelled(Box<dyn PowerMeter>, Instant),
     /// A meter of a device.
@@ -41,7 +41,7 @@ pub(crate) enum Meter {
 }
 
 /// A meter of a device with the thread that reads it.
-pub(crate) struct Sampled {
+pub struct Sampled {
     sampler: PowerSampler,
     info: MeterInfo,
     window_seconds: f64,
@@ -49,7 +49,7 @@ pub(crate) struct Sampled {
 
 /// What was metered.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Mean {
+pub struct Mean {
     /// Without the meter's idle power.
     pub power: Watts,
     /// Pieces of work per second.
@@ -61,7 +61,7 @@ impl Meter {
     ///
     /// # Errors
     /// When no thread can be created.
-    pub(crate) fn new(meter: Box<dyn PowerMeter>) -> Result<Self, MeterError> {
+    pub fn new(meter: Box<dyn PowerMeter>) -> Result<Self, MeterError> {
         if meter.info().provenance == Provenance::Modelled {
             return Ok(Self::Modelled(meter, Instant::now()));
         }
@@ -73,7 +73,7 @@ impl Meter {
     }
 
     /// Name, provenance and coverage.
-    pub(crate) fn info(&self) -> MeterInfo {
+    pub fn info(&self) -> MeterInfo {
         match self {
             Self::Modelled(meter, _) => meter.info(),
             Self::Measured(sampled) => sampled.info.clone(),
@@ -81,7 +81,7 @@ impl Meter {
     }
 
     /// The shortest window that means something, seconds.
-    pub(crate) fn window_seconds(&self) -> f64 {
+    pub fn window_seconds(&self) -> f64 {
         match self {
             Self::Modelled(meter, _) => meter.window_seconds(),
             Self::Measured(sampled) => sampled.window_seconds,
@@ -89,7 +89,7 @@ impl Meter {
     }
 
     /// Idle power that readings do not include.
-    pub(crate) fn idle(&self) -> Watts {
+    pub fn idle(&self) -> Watts {
         match self {
             Self::Modelled(meter, _) => meter.idle(),
             // Meters of devices contain it.
@@ -101,11 +101,7 @@ impl Meter {
     ///
     /// # Errors
     /// When the meter gives no valid readings.
-    pub(crate) fn mean(
-        &mut self,
-        least: Duration,
-        work: &mut dyn FnMut(),
-    ) -> Result<Mean, MeterError> {
+    pub fn mean(&mut self, least: Duration, work: &mut dyn FnMut()) -> Result<Mean, MeterError> {
         match self {
             Self::Modelled(meter, since) => {
                 let name = meter.info().name;
@@ -118,12 +114,12 @@ impl Meter {
 
 impl Sampled {
     /// As [`Meter::window_seconds`].
-    pub(crate) fn window_seconds(&self) -> f64 {
+    pub fn window_seconds(&self) -> f64 {
         self.window_seconds
     }
 
     /// As [`Meter::mean`].
-    pub(crate) fn mean(&self, least: Duration, work: &mut dyn FnMut()) -> Result<Mean, MeterError> {
+    pub fn mean(&self, least: Duration, work: &mut dyn FnMut()) -> Result<Mean, MeterError> {
         mean(&self.info.name, &mut || self.counted(), least, work)
     }
 

@@ -1,8 +1,6 @@
-//! Why a scene cannot be staged, or a frame cannot be rendered.
+//! Why an app is no stage, or a frame cannot be rendered.
 
-use crate::scene::SceneError;
-
-/// Why a scene cannot be staged, or a frame cannot be rendered.
+/// Why an app is no stage, or a frame cannot be rendered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StageError {
@@ -19,18 +17,21 @@ pub enum StageError {
     /// A frame rate that is not above 0 or not finite.
     #[error("frame rate {0}: must be a finite number above 0")]
     FrameRate(f64),
-    /// The scene file, or a file that it names.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
+    /// The app cannot show what was asked for.
+    #[error("{0}")]
+    Level(String),
+    /// The app ended itself.
+    #[error("the app ended itself")]
+    Ended,
     /// An unknown knob.
     #[error(transparent)]
     Knob(#[from] frugal_core::knobs::KnobSpaceError),
     /// The meter.
     #[error(transparent)]
-    OpenMeter(#[from] bevy_frugal_gi::power::OpenMeterError),
+    OpenMeter(#[from] crate::power::OpenMeterError),
     /// A reading.
     #[error(transparent)]
-    Meter(#[from] bevy_frugal_gi::power::MeterError),
+    Meter(#[from] crate::power::MeterError),
     /// The environment map.
     #[error(transparent)]
     Environment(#[from] frugal_trace::scene::SkyError),
@@ -52,11 +53,15 @@ impl StageError {
             Self::NoAdapter
             | Self::Size(..)
             | Self::FrameRate(_)
-            | Self::Scene(_)
+            | Self::Level(_)
             | Self::Knob(_)
             | Self::OpenMeter(_)
             | Self::Environment(_) => true,
-            Self::Meter(_) | Self::NotReady(_) | Self::ReadBack(_) | Self::Compare(_) => false,
+            Self::Ended
+            | Self::Meter(_)
+            | Self::NotReady(_)
+            | Self::ReadBack(_)
+            | Self::Compare(_) => false,
         }
     }
 }
