@@ -50,8 +50,8 @@ const YIELD: Duration = Duration::from_millis(5);
 const SETTLED: Duration = Duration::from_secs(1);
 const SETTLED_EMPTY: Duration = Duration::from_secs(10);
 
-/// Runs the app until its level is there, for at most so many seconds.
-pub(super) fn load(app: &mut App, seconds: f64) -> Result<(), StageError> {
+/// Runs the app until its level is there, for at most so many seconds. Returns the camera.
+pub(super) fn load(app: &mut App, seconds: f64) -> Result<Entity, StageError> {
     let start = Instant::now();
     let mut settled = (counts(app.world()), start);
     loop {
@@ -63,7 +63,10 @@ pub(super) fn load(app: &mut App, seconds: f64) -> Result<(), StageError> {
         if counted != settled.0 {
             settled = (counted, Instant::now());
         }
-        let Some(missing) = missing(app.world_mut(), settled.1.elapsed())? else { return Ok(()) };
+        let missing = match missing(app.world_mut(), settled.1.elapsed())? {
+            Ok(camera) => return Ok(camera),
+            Err(missing) => missing,
+        };
         if start.elapsed().as_secs_f64() > seconds {
             return Err(StageError::NotReady(format!(
                 "after {seconds} s the app's level is not there: it waits for {missing}"
@@ -82,18 +85,15 @@ fn counts(world: &World) -> [usize; 3] {
     ]
 }
 
-/// What a level still lacks that is unchanged for a time.
-fn missing(world: &mut World, unchanged: Duration) -> Result<Option<String>, StageError> {
+/// The camera of a level that is there, or what it still lacks, unchanged for a time.
+fn missing(world: &mut World, unchanged: Duration) -> Result<Result<Entity, String>, StageError> {
+    let camera = camera(world)?.ok_or_else(|| "an active `Camera3d`".to_owned());
     match world.get_resource::<StageReady>() {
         Some(StageReady::Failed(reason)) => return Err(StageError::Level(reason.clone())),
-        Some(StageReady::NotYet) => return Ok(Some("its `StageReady`".to_owned())),
-        Some(StageReady::Ready) => {
-            return Ok(camera(world)?.is_none().then(|| "an active `Camera3d`".to_owned()));
-        }
+        Some(StageReady::NotYet) => return Ok(Err("its `StageReady`".to_owned())),
+        Some(StageReady::Ready) => return Ok(camera),
+        None if camera.is_err() => return Ok(camera),
         None => {}
-    }
-    if camera(world)?.is_none() {
-        return Ok(Some("an active `Camera3d`".to_owned()));
     }
     let mut named: Vec<UntypedAssetId> = Vec::new();
     let mut meshes = world.query::<(&Mesh3d, Option<&MeshMaterial3d<StandardMaterial>>)>();
@@ -117,11 +117,11 @@ fn missing(world: &mut World, unchanged: Duration) -> Result<Option<String>, Sta
         let mut loading = named.into_iter().filter(is_loading);
         if let Some(first) = loading.next() {
             let path = server.get_path(first).map_or_else(String::new, |path| format!(" `{path}`"));
-            return Ok(Some(format!("{} assets, such as{path}", loading.count() + 1)));
+            return Ok(Err(format!("{} assets, such as{path}", loading.count() + 1)));
         }
     }
     let time = if is_empty { SETTLED_EMPTY } else { SETTLED };
-    Ok((unchanged < time).then(|| "a second without new assets".to_owned()))
+    Ok(if unchanged < time { Err("a second without new assets".to_owned()) } else { camera })
 }
 
 /// The camera to measure, if there is one yet.

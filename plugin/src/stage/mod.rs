@@ -10,6 +10,7 @@
 //! | `ready` | waits until nothing is compiled, loaded or built in the background |
 //! | `capture` | images from the GPU |
 //! | `metering`, `meters` | power of frames |
+//! | `extract` | the world as a path tracer needs it |
 //! | `evaluator` | power and error of settings over a clip |
 //! | `protocol` | the messages between the tool and an app |
 //!
@@ -22,6 +23,7 @@ mod capture;
 mod default_settings;
 mod error;
 mod evaluator;
+pub mod extract;
 mod level;
 mod metering;
 mod meters;

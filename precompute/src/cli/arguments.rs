@@ -11,7 +11,7 @@ use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
-use crate::stage::{Component, StageOptions};
+use crate::stage::{Component, Program, StageOptions};
 use crate::work_meter::is_work_meter;
 
 /// Conditions of images: size, frame rate and knobs.
@@ -106,12 +106,43 @@ impl WorkerArguments {
     }
 }
 
+/// What is rendered: a scene file, or an app.
+#[derive(Args, Debug, Clone)]
+pub(super) struct SceneArguments {
+    /// The scene
+    #[arg(value_name = "SCENE", required_unless_present = "app")]
+    pub scene: Option<PathBuf>,
+    /// Command that starts an app, in place of a scene: `cargo run --release --features stage`. The app
+    /// has the plugin's `StagePlugin`
+    #[arg(long, value_name = "COMMAND", conflicts_with = "scene")]
+    app: Option<String>,
+    /// Level of the app; default: the one that it shows without `frugal`
+    #[arg(long, value_name = "NAME", requires = "app")]
+    level: Option<String>,
+    /// Longest wait for the app: until it is built and runs, for its level, and for each answer
+    #[arg(long, value_name = "TIME", default_value = "30m", value_parser = duration)]
+    patience: Duration,
+}
+
+impl SceneArguments {
+    /// What renders it.
+    pub(super) fn program(&self) -> Program {
+        match &self.app {
+            None => Program::File(self.scene.clone().unwrap_or_default()),
+            Some(command) => Program::App {
+                command: command.clone(),
+                level: self.level.clone(),
+                patience: self.patience,
+            },
+        }
+    }
+}
+
 /// Scene and camera of one image.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CameraArguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    pub scene: PathBuf,
+    #[command(flatten)]
+    pub scene: SceneArguments,
     /// World position, metres
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub position: Vec3,
@@ -149,12 +180,17 @@ impl PictureArguments {
     /// file cannot be written.
     pub(super) fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
         let png = match (&self.output, &self.hdr) {
-            (None, None) => Some(PathBuf::from(format!("{scene_name}.png"))),
+            (None, None) => Some(PathBuf::from(format!("{}.png", file_name(scene_name)))),
             (png, _) => png.clone(),
         };
         check_outputs([png.as_ref(), self.hdr.as_ref()])?;
         Ok(png)
     }
+}
+
+/// A scene's name as that of a file: `app/level` is in no folder.
+pub(super) fn file_name(scene_name: &str) -> String {
+    scene_name.replace(['/', '\\'], "-")
 }
 
 /// `320x180`.

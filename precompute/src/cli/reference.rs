@@ -67,8 +67,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if is_direct && arguments.bounces.is_some_and(|bounces| bounces.0 != Some(0)) {
         return Err(CliError::usage("--bounces: direct light has none; give another --component"));
     }
-    let (description, name) = open_scene(&arguments.camera.scene)?;
-    let png = arguments.picture.png(&name)?;
+    let description = open_scene(&arguments.camera.scene)?;
+    let png = arguments.picture.png(&description.name)?;
     let scene = description.reference()?;
     let view = description.view(arguments.camera.pose()?, arguments.size);
     let settings = Settings {

@@ -5,7 +5,7 @@ use super::arguments::{
     CameraArguments, ComponentArgument, ImageArguments, PictureArguments, write,
 };
 use super::input::open_scene;
-use crate::stage::{Output, Program, Shot, StageOptions, StageProcess};
+use crate::stage::{Output, Shot, StageOptions};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -25,15 +25,13 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.camera.scene)?;
-    let png = arguments.picture.png(&name)?;
+    let scene = open_scene(&arguments.camera.scene)?;
+    let png = arguments.picture.png(&scene.name)?;
     let pose = arguments.camera.pose()?;
     let shoot = |output: Output| -> Result<Shot, CliError> {
         let component = arguments.component.into();
         let options = StageOptions { output, component, ..arguments.image.options() };
-        let program = Program::File(scene.source.clone());
-        let mut process = StageProcess::new(program, options, None, None);
-        Ok(process.shoot(&pose, &arguments.settings)?)
+        Ok(scene.process(options).shoot(&pose, &arguments.settings)?)
     };
     if let Some(path) = png
         && let Shot::Picture(picture) = shoot(Output::Display)?

@@ -5,6 +5,11 @@ use glam::Vec3;
 
 use super::description::{Camera, Environment, Geometry, SceneDescription};
 
+/// Fingerprint of a scene that is not a file, in bytes.
+pub(crate) fn fingerprint_of(scene: &[u8]) -> String {
+    Fingerprint::new().bytes(scene).digits()
+}
+
 /// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but
 /// accidental collisions are negligible.
 pub(super) struct Fingerprint(u128);

@@ -22,6 +22,7 @@ mod locate;
 mod path;
 
 pub use description::{Camera, Environment, Geometry, SceneDescription};
+pub(crate) use fingerprint::fingerprint_of;
 pub use load::SceneError;
 pub use loaded::{LoadedScene, ReferenceError, load};
 pub use path::{CameraKey, CameraPath};

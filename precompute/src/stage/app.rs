@@ -13,7 +13,8 @@ use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::pacing::FramePacingPlugin;
 use bevy_frugal_gi::power::PowerPlugin;
-use bevy_frugal_gi::stage::{Stage, StageError, StageLevel, StageOptions, StagePlugin, StageReady};
+use bevy_frugal_gi::stage::protocol::LEVEL_VARIABLE;
+use bevy_frugal_gi::stage::{Stage, StageError, StageOptions, StagePlugin, StageReady};
 
 use super::world;
 use crate::scene::{self, LoadedScene};
@@ -57,8 +58,9 @@ pub(crate) fn serve() {
 
 /// Spawns the scene file that is the level.
 fn spawn_level(world: &mut World) {
-    let file = world.resource::<StageLevel>().0.clone().unwrap_or_default();
-    let spawned = scene::load(&file).map_err(|error| error.to_string()).and_then(|scene| {
+    // A path, which need not be text.
+    let file = std::env::var_os(LEVEL_VARIABLE).unwrap_or_default();
+    let spawned = scene::load(file).map_err(|error| error.to_string()).and_then(|scene| {
         world::spawn(world, &scene).map(|_| ()).map_err(|error| error.to_string())
     });
     world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::Ready));

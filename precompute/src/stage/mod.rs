@@ -26,7 +26,7 @@ pub use frugal_trace::metrics::Radiance;
 pub(crate) use app::serve;
 pub use app::{open, open_with};
 pub(crate) use frame_renderer::{FrameRenderer, RenderedFrame};
-pub(crate) use remote::{Program, RemoteError, RemoteStage, Shot, StageProcess, guard};
+pub(crate) use remote::{Program, RemoteError, RemoteStage, Shot, StagedScene, guard};
 pub use useful::every_knob;
 #[cfg(test)]
 pub(crate) use useful::knobs;

@@ -52,10 +52,12 @@ impl Hello {
 /// A request of the tool.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Request {
-    /// Waits for the level, at most for so many seconds.
+    /// Waits for the level.
     Load {
         /// Longest wait, seconds.
         seconds: f64,
+        /// Whether its scene is asked for.
+        scene: bool,
     },
     /// Makes a stage of the app; after `Load`, once.
     Open(StageOptions),
@@ -103,8 +105,16 @@ pub struct Reply {
 /// An answer to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
-    /// To `Load`: every knob of the app, opt-in ones included.
-    Loaded(KnobSpace),
+    /// To `Load`: an [`ExtractedScene`](super::extract::ExtractedScene) of so many bytes follows, by
+    /// `postcard`.
+    Loaded {
+        /// Every knob of the app, opt-in ones included.
+        knobs: KnobSpace,
+        /// Names of the opt-in ones.
+        opt_in: Vec<String>,
+        /// Bytes of the scene; 0 where it was not asked for.
+        bytes: u64,
+    },
     /// To `Open`.
     Opened(Opened),
     /// To `Warm` and `Begin`.

@@ -9,6 +9,7 @@ use bevy::app::App;
 
 use super::{Answer, Hello, Opened, Reply, Request, Socket, receive, send};
 use crate::knobs::KnobRegistry;
+use crate::stage::extract::extract;
 use crate::stage::{Output, Stage, StageError, StageEvaluator, level};
 
 /// Time in which an app may end by itself when the tool is gone.
@@ -85,10 +86,19 @@ pub(in crate::stage) fn serve(app: App, requests: Requests) -> io::Result<()> {
 fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), StageError> {
     let alone = |answer| Ok((answer, Vec::new()));
     let stage = match (stand, request) {
-        (Stand::App(app), Request::Load { seconds }) => {
-            level::load(app, seconds)?;
+        (Stand::App(app), Request::Load { seconds, scene }) => {
+            let camera = level::load(app, seconds)?;
+            let mut bytes = Vec::new();
+            if scene {
+                let scene = extract(app.world_mut(), Some(camera));
+                bytes = postcard::to_stdvec(&scene)
+                    .map_err(|error| StageError::Level(error.to_string()))?;
+            }
             let registry = app.world().resource::<KnobRegistry>();
-            return alone(Answer::Loaded(registry.space_with(|_| true)?));
+            let is_opt_in = |name: &str| registry.get(name).is_some_and(|knob| knob.is_opt_in());
+            let opt_in = registry.names().filter(|name| is_opt_in(name)).map(str::to_owned);
+            let (opt_in, knobs) = (opt_in.collect(), registry.space_with(|_| true)?);
+            return Ok((Answer::Loaded { knobs, opt_in, bytes: bytes.len() as u64 }, bytes));
         }
         (stand @ Stand::App(_), Request::Open(options)) => {
             options.check()?;

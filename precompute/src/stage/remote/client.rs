@@ -14,10 +14,10 @@ use frugal_core::units::Watts;
 use frugal_search::table::{Batch, Measure, Measured};
 use frugal_trace::scene::CameraPose;
 
-use super::connection::{Program, RemoteError};
+use super::connection::RemoteError;
 use super::process::StageProcess;
+use super::staged::StagedScene;
 use crate::device::on_this_machine;
-use crate::scene::SceneDescription;
 use crate::stage::StageOptions;
 use crate::subject::frame_layout;
 use crate::work_meter::{WorkMeter, is_work_meter};
@@ -40,7 +40,7 @@ impl RemoteStage {
     /// # Errors
     /// When it cannot be started, or its stage cannot be opened.
     pub(crate) fn open(
-        scene: &SceneDescription,
+        scene: &StagedScene,
         mut options: StageOptions,
         workers: NonZeroUsize,
     ) -> Result<Self, RemoteError> {
@@ -58,9 +58,11 @@ impl RemoteStage {
         if work.is_some() {
             options.meter = Some(NO_METER.to_owned());
         }
-        let program = Program::File(scene.source.clone());
-        let process = || StageProcess::new(program.clone(), options.clone(), work.clone(), threads);
-        let mut processes: Vec<_> = (0..count).map(|_| process()).collect();
+        let process =
+            || StageProcess::new(scene.program.clone(), options.clone(), work.clone(), threads);
+        let first = process().with(scene.take_running());
+        let more = (1..count).map(|_| process());
+        let mut processes: Vec<_> = std::iter::once(first).chain(more).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
         let (meter, idle) = match &work {
             Some(work) => (work.info(), work.idle()),

@@ -11,8 +11,11 @@ use bevy_frugal_gi::stage::protocol::{
     Answer, Hello, LEVEL_VARIABLE, PROTOCOL, Reply, Request, STAGE_VARIABLE, Socket, receive, send,
 };
 
+use bevy_frugal_gi::stage::{StageError, adapter};
+
 use super::guard::GUARD_COMMAND;
 use super::listener::Listener;
+use frugal_core::knobs::KnobSpace;
 
 /// Name of the hidden command that renders a scene file.
 pub(crate) const CHILD_COMMAND: &str = "stage-worker";
@@ -104,6 +107,29 @@ impl Program {
             Self::App { command, .. } => format!("the app `{command}`"),
         }
     }
+}
+
+/// Why a program gave no answer.
+pub(super) struct Gone {
+    pub error: RemoteError,
+    /// Whether it will never give one.
+    pub is_gone: bool,
+}
+
+impl Gone {
+    fn error(self) -> RemoteError {
+        self.error
+    }
+}
+
+/// A level that is there.
+pub(super) struct Loaded {
+    /// Every knob of the app.
+    pub knobs: KnobSpace,
+    /// Names of the opt-in ones.
+    pub opt_in: Vec<String>,
+    /// The extracted scene; empty where it was not asked for.
+    pub scene: Vec<u8>,
 }
 
 /// A program at the other end of a socket. It ends when this does.
@@ -211,6 +237,8 @@ impl Connection {
     /// # Errors
     /// When it cannot be started, does not connect, or is of another version.
     pub(super) fn open(program: &Program, threads: Option<usize>) -> Result<Self, RemoteError> {
+        // Bevy panics without one.
+        adapter().ok_or_else(|| RemoteError::usage(StageError::NoAdapter))?;
         let name = program.name();
         let cannot = |error| RemoteError::failed(format!("cannot start {name}: {error}"));
         let listener = Listener::new().map_err(cannot)?;
@@ -255,6 +283,18 @@ impl Connection {
         })
     }
 
+    /// Waits for the program's level.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub(super) fn load(&mut self, scene: bool) -> Result<Loaded, RemoteError> {
+        let request = Request::Load { seconds: self.patience_seconds(), scene };
+        match self.exchange(&request).map_err(Gone::error)? {
+            (Answer::Loaded { knobs, opt_in, .. }, scene) => Ok(Loaded { knobs, opt_in, scene }),
+            (other, _) => Err(RemoteError::unexpected(&other)),
+        }
+    }
+
     /// Longest time for its level, seconds.
     pub(super) fn patience_seconds(&self) -> f64 {
         self.program.patience().map_or(f64::MAX, |patience| patience.as_secs_f64())
@@ -263,28 +303,28 @@ impl Connection {
     /// Sends a request; returns the answer, and the bytes that follow it.
     ///
     /// # Errors
-    /// `Err(Ok)`: it failed to do so, and goes on. `Err(Err)`: it is gone, or hangs.
-    pub(super) fn exchange(
-        &mut self,
-        request: &Request,
-    ) -> Result<(Answer, Vec<u8>), Result<RemoteError, RemoteError>> {
+    /// When it failed to do so, and goes on, or it is gone, or hangs.
+    pub(super) fn exchange(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), Gone> {
         let Self { input, output, .. } = self;
         let reply = send(output, request)
             .and_then(|()| output.flush())
             .and_then(|()| receive::<Reply>(input))
             .and_then(|reply| {
-                let (width, height, size) = match reply.answer {
-                    Answer::Frame { width, height, .. } => (width, height, 3),
-                    Answer::Radiance { width, height } => (width, height, 12),
-                    _ => (0, 0, 0),
+                let count = match reply.answer {
+                    Answer::Frame { width, height, .. } => u64::from(width) * u64::from(height) * 3,
+                    Answer::Radiance { width, height } => u64::from(width) * u64::from(height) * 12,
+                    Answer::Loaded { bytes, .. } => bytes,
+                    _ => 0,
                 };
-                let mut bytes = vec![0; width as usize * height as usize * size];
-                input.read_exact(&mut bytes)?;
+                let mut bytes = Vec::new();
+                if input.by_ref().take(count).read_to_end(&mut bytes)? as u64 != count {
+                    return Err(io::ErrorKind::UnexpectedEof.into());
+                }
                 Ok((reply, bytes))
             });
         match reply {
             Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => {
-                Err(Ok(RemoteError { usage, message }))
+                Err(Gone { error: RemoteError { usage, message }, is_gone: false })
             }
             Ok((Reply { resident_bytes, answer }, bytes)) => {
                 self.resident_bytes = resident_bytes;
@@ -300,7 +340,7 @@ impl Connection {
                 } else {
                     format!("{name} broke off ({error}): it crashed, or ran out of memory")
                 };
-                Err(Err(self.running.describe(&problem)))
+                Err(Gone { error: self.running.describe(&problem), is_gone: true })
             }
         }
     }

@@ -10,6 +10,7 @@
 //! | `client` | several processes that render side by side what does not depend on the order |
 //! | `process` | one process, started when it is needed, replaced when it has grown or died |
 //! | `connection` | a started program at the other end of a socket |
+//! | `staged` | what is rendered: a scene file, or a level of an app |
 //! | `listener` | the socket |
 //! | `guard` | ends an app's program, with all that it has started, when this process is gone |
 
@@ -18,8 +19,10 @@ mod connection;
 mod guard;
 mod listener;
 mod process;
+mod staged;
 
 pub(crate) use client::RemoteStage;
 pub(crate) use connection::{Program, RemoteError};
 pub(crate) use guard::guard;
 pub(crate) use process::{Shot, StageProcess};
+pub(crate) use staged::StagedScene;

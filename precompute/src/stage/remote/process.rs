@@ -11,7 +11,7 @@ use frugal_core::units::Watts;
 use frugal_trace::metrics::{Picture, Radiance};
 use frugal_trace::scene::CameraPose;
 
-use super::connection::{Connection, Program, RemoteError};
+use super::connection::{Connection, Gone, Program, RemoteError};
 use crate::stage::{FrameRenderer, RenderedFrame};
 use crate::work_meter::WorkMeter;
 
@@ -28,6 +28,8 @@ pub(crate) struct StageProcess {
     /// Threads of a software driver; `None`: as many as it likes.
     threads: Option<usize>,
     connection: Option<Connection>,
+    /// One with its level, which becomes the first.
+    loaded: Option<Connection>,
     /// The knobs on offer, once it was opened.
     space: KnobSpace,
     is_warm: bool,
@@ -40,8 +42,23 @@ impl StageProcess {
         work: Option<Arc<WorkMeter>>,
         threads: Option<usize>,
     ) -> Self {
-        let space = KnobSpace::default();
-        Self { program, options, work, threads, connection: None, space, is_warm: false }
+        Self {
+            program,
+            options,
+            work,
+            threads,
+            connection: None,
+            loaded: None,
+            space: KnobSpace::default(),
+            is_warm: false,
+        }
+    }
+
+    /// Begins with a program that has its level already.
+    #[must_use]
+    pub(super) fn with(mut self, loaded: Option<Connection>) -> Self {
+        self.loaded = loaded;
+        self
     }
 
     /// Every process, this and later ones, renders every level of every knob once before anything
@@ -98,15 +115,18 @@ impl StageProcess {
     /// # Errors
     /// When it cannot be started, or its stage cannot be opened.
     pub(super) fn start(&mut self) -> Result<Opened, RemoteError> {
+        self.options.check().map_err(RemoteError::usage)?;
         // The last one first: it may hold much memory.
         self.connection = None;
-        let connection = Connection::open(&self.program, self.threads)?;
-        let seconds = connection.patience_seconds();
+        let connection = match self.loaded.take() {
+            Some(loaded) => loaded,
+            None => {
+                let mut connection = Connection::open(&self.program, self.threads)?;
+                connection.load(false)?;
+                connection
+            }
+        };
         self.connection = Some(connection);
-        match self.exchange(&Request::Load { seconds })? {
-            (Answer::Loaded(_), _) => {}
-            (other, _) => return Err(RemoteError::unexpected(&other)),
-        }
         let opened = match self.exchange(&Request::Open(self.options.clone()))? {
             (Answer::Opened(opened), _) => opened,
             (other, _) => return Err(RemoteError::unexpected(&other)),
@@ -153,10 +173,10 @@ impl StageProcess {
             return Err(RemoteError::failed("the renderer's process is not running"));
         };
         connection.exchange(request).map_err(|error| match error {
-            Ok(failed) => failed,
-            Err(gone) => {
+            Gone { error, is_gone: false } => error,
+            Gone { error, is_gone: true } => {
                 self.connection = None;
-                gone
+                error
             }
         })
     }

@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::bounds::Bounds;
 use super::texture::SceneTexture;
 
 /// Interpretation of a material's alpha.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
@@ -19,7 +20,7 @@ pub enum AlphaMode {
 }
 
 /// A material, in the terms of Bevy's `StandardMaterial`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneMaterial {
     /// Linear RGB reflectance and alpha, each in [0, 1]; multiplies vertex colour and texture.
     pub base_color: [f32; 4],
@@ -82,7 +83,7 @@ impl SceneMaterial {
 }
 
 /// An indexed triangle list with one material. Front faces are counter-clockwise.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneMesh {
     /// World positions, metres.
     pub positions: Vec<Vec3>,
@@ -147,7 +148,7 @@ pub enum GeometryError {
 }
 
 /// All geometry of a scene.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneGeometry {
     /// Meshes, each with one material.
     pub meshes: Vec<SceneMesh>,

@@ -18,7 +18,7 @@ pub struct SkyError {
 
 /// Radiance of all directions. The first row is straight up, the middle of a row is −Z, and −X is
 /// left of it. Radiance is constant within a texel.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SkyMap {
     /// Texels in a row, at least 1.
     width: u32,

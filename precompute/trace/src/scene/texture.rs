@@ -9,7 +9,7 @@ static DECODED: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|value| linear_from_srgb(value as f32 / 255.0)));
 
 /// An 8-bit sRGB texture with a full mip chain. It repeats in both directions.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct SceneTexture {
     /// Width of level 0, texels, at least 1.
     pub width: u32,
