@@ -89,6 +89,18 @@ mod using_export {
 }
 
 // docs/using.md
+mod using_stage {
+    fn sample() {
+        use bevy::prelude::*;
+        use bevy_frugal_gi::prelude::*;
+
+        use bevy_frugal_gi::stage::on_stage;
+
+        App::new().add_plugins((on_stage(DefaultPlugins), FrugalGiPlugins)).run();
+    }
+}
+
+// docs/using.md
 mod using_log {
     fn sample() {
         use bevy::prelude::*;

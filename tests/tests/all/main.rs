@@ -48,6 +48,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("bounces::light", bounces::light::TESTS, true),
     ("bounces::limits", bounces::limits::TESTS, true),
     ("cli::analysis", cli::analysis::TESTS, false),
+    ("cli::app", cli::app::TESTS, true),
     ("cli::counted", cli::counted::TESTS, true),
     ("cli::input", cli::input::TESTS, false),
     ("cli::journal", cli::journal::TESTS, true),
