@@ -10,12 +10,11 @@ use std::time::{Duration, Instant};
 use bevy_frugal_gi::stage::protocol::{
     Answer, Hello, LEVEL_VARIABLE, PROTOCOL, Reply, Request, STAGE_VARIABLE, Socket, receive, send,
 };
-
 use bevy_frugal_gi::stage::{StageError, adapter};
+use frugal_core::knobs::KnobSpace;
 
 use super::guard::GUARD_COMMAND;
 use super::listener::Listener;
-use frugal_core::knobs::KnobSpace;
 
 /// Name of the hidden command that renders a scene file.
 pub(crate) const CHILD_COMMAND: &str = "stage-worker";
@@ -110,15 +109,20 @@ impl Program {
 }
 
 /// Why a program gave no answer.
-pub(super) struct Gone {
-    pub error: RemoteError,
-    /// Whether it will never give one.
-    pub is_gone: bool,
+pub(super) enum NoAnswer {
+    /// It cannot do that, and goes on.
+    Failed(RemoteError),
+    /// It has ended.
+    Broken(RemoteError),
+    /// It says nothing.
+    Hung(RemoteError),
 }
 
-impl Gone {
-    fn error(self) -> RemoteError {
-        self.error
+impl From<NoAnswer> for RemoteError {
+    fn from(reason: NoAnswer) -> Self {
+        match reason {
+            NoAnswer::Failed(error) | NoAnswer::Broken(error) | NoAnswer::Hung(error) => error,
+        }
     }
 }
 
@@ -289,7 +293,7 @@ impl Connection {
     /// When there is none.
     pub(super) fn load(&mut self, scene: bool) -> Result<Loaded, RemoteError> {
         let request = Request::Load { seconds: self.patience_seconds(), scene };
-        match self.exchange(&request).map_err(Gone::error)? {
+        match self.exchange(&request)? {
             (Answer::Loaded { knobs, opt_in, .. }, scene) => Ok(Loaded { knobs, opt_in, scene }),
             (other, _) => Err(RemoteError::unexpected(&other)),
         }
@@ -303,8 +307,8 @@ impl Connection {
     /// Sends a request; returns the answer, and the bytes that follow it.
     ///
     /// # Errors
-    /// When it failed to do so, and goes on, or it is gone, or hangs.
-    pub(super) fn exchange(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), Gone> {
+    /// [`NoAnswer`].
+    pub(super) fn exchange(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), NoAnswer> {
         let Self { input, output, .. } = self;
         let reply = send(output, request)
             .and_then(|()| output.flush())
@@ -324,7 +328,7 @@ impl Connection {
             });
         match reply {
             Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => {
-                Err(Gone { error: RemoteError { usage, message }, is_gone: false })
+                Err(NoAnswer::Failed(RemoteError { usage, message }))
             }
             Ok((Reply { resident_bytes, answer }, bytes)) => {
                 self.resident_bytes = resident_bytes;
@@ -332,15 +336,15 @@ impl Connection {
             }
             Err(error) => {
                 let name = self.program.name();
-                let hangs =
-                    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut);
-                let problem = if hangs {
+                if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) {
                     let waited = self.patience_seconds();
-                    format!("{name} hangs: no answer for {waited} s; --patience waits longer")
-                } else {
-                    format!("{name} broke off ({error}): it crashed, or ran out of memory")
-                };
-                Err(Gone { error: self.running.describe(&problem), is_gone: true })
+                    let problem =
+                        format!("{name} hangs: no answer for {waited} s; --patience waits longer");
+                    return Err(NoAnswer::Hung(self.running.describe(&problem)));
+                }
+                let problem =
+                    format!("{name} broke off ({error}): it crashed, or ran out of memory");
+                Err(NoAnswer::Broken(self.running.describe(&problem)))
             }
         }
     }

@@ -24,5 +24,5 @@ mod staged;
 pub(crate) use client::RemoteStage;
 pub(crate) use connection::{Program, RemoteError};
 pub(crate) use guard::guard;
-pub(crate) use process::{Shot, StageProcess};
+pub(crate) use process::Shot;
 pub(crate) use staged::StagedScene;

@@ -11,7 +11,7 @@ use frugal_core::units::Watts;
 use frugal_trace::metrics::{Picture, Radiance};
 use frugal_trace::scene::CameraPose;
 
-use super::connection::{Connection, Gone, Program, RemoteError};
+use super::connection::{Connection, NoAnswer, Program, RemoteError};
 use crate::stage::{FrameRenderer, RenderedFrame};
 use crate::work_meter::WorkMeter;
 
@@ -147,15 +147,15 @@ impl StageProcess {
             self.prepare(request)?;
         }
         match self.exchange(request) {
-            Err(error) if self.connection.is_none() => {
+            Err(NoAnswer::Broken(error)) => {
                 self.start().map_err(|again| RemoteError {
                     usage: again.usage,
                     message: format!("{error}; then {again}"),
                 })?;
                 self.prepare(request)?;
-                self.exchange(request)
+                Ok(self.exchange(request)?)
             }
-            result => result,
+            result => Ok(result?),
         }
     }
 
@@ -168,17 +168,17 @@ impl StageProcess {
         Ok(())
     }
 
-    fn exchange(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), RemoteError> {
+    /// Asks the running process, and drops one that will never answer.
+    fn exchange(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), NoAnswer> {
         let Some(connection) = &mut self.connection else {
-            return Err(RemoteError::failed("the renderer's process is not running"));
+            let message = "the renderer's process is not running";
+            return Err(NoAnswer::Failed(RemoteError::failed(message)));
         };
-        connection.exchange(request).map_err(|error| match error {
-            Gone { error, is_gone: false } => error,
-            Gone { error, is_gone: true } => {
-                self.connection = None;
-                error
-            }
-        })
+        let result = connection.exchange(request);
+        if matches!(result, Err(NoAnswer::Broken(_) | NoAnswer::Hung(_))) {
+            self.connection = None;
+        }
+        result
     }
 
     /// The power that the stage has metered, or that of the settings' work.
