@@ -211,6 +211,11 @@ pub(super) fn keep(world: &mut World) {
         }
     }
     let Ok(mut camera) = world.get_entity_mut(held.camera) else { return };
+    if let Some(mut camera) = camera.get_mut::<Camera>()
+        && (!camera.is_active || camera.viewport.is_some())
+    {
+        (camera.is_active, camera.viewport) = (true, None);
+    }
     if let Some(mut transform) = camera.get_mut::<Transform>() {
         transform.set_if_neq(held.place);
     }

@@ -95,7 +95,6 @@ impl StagedScene {
         let extracted: ExtractedScene = postcard::from_bytes(&loaded.scene).map_err(|error| {
             RemoteError::failed(format!("the app's scene cannot be read: {error}"))
         })?;
-        let fingerprint = scene::fingerprint_of(&loaded.scene);
         let name = match &program {
             Program::App { level: Some(level), .. } => format!("{}/{level}", connection.hello.app),
             _ => connection.hello.app.clone(),
@@ -110,18 +109,21 @@ impl StagedScene {
             far,
             gaps,
         } = extracted;
-        let environment = match &sky {
+        let description = SceneDescription {
+            lights,
+            exposure_ev100,
+            camera: Camera { vertical_fov: vertical_fov_degrees, near, far },
+            ..SceneDescription::new(Geometry::Procedural(String::new()))
+        };
+        let mut scene = LoadedScene::with_geometry(description, geometry);
+        let sky_bytes = postcard::to_stdvec(&sky).map_err(RemoteError::failed)?;
+        let parts = [scene.fingerprint().map_err(RemoteError::usage)?.into_bytes(), sky_bytes];
+        let fingerprint = scene::fingerprint_of(&parts.concat());
+        scene.description.environment = match &sky {
             ExtractedSky::Black => Environment::None,
             ExtractedSky::Constant(radiance) => Environment::Constant(*radiance),
             // Its texels are in `sky`.
             ExtractedSky::Map(_, intensity) => Environment::Map(String::new(), *intensity),
-        };
-        let description = SceneDescription {
-            lights,
-            environment,
-            exposure_ev100,
-            camera: Camera { vertical_fov: vertical_fov_degrees, near, far },
-            ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
         let opt_in = loaded.opt_in;
         let running = Cell::new(Some(connection));
@@ -130,7 +132,7 @@ impl StagedScene {
             name,
             program,
             knobs: loaded.knobs,
-            scene: LoadedScene::with_geometry(description, geometry),
+            scene,
             level: Some(Level { fingerprint, sky, opt_in, gaps, running }),
         })
     }
