@@ -7,7 +7,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use frugal::scene;
-use frugal::stage::{Stage, StageOptions};
+use frugal::stage::{self, StageOptions};
 use frugal_examples::workspace_file;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .ok_or("the scene has no camera path")?;
 
     let mut stage =
-        Stage::open(&scene, StageOptions { size: (640, 360).into(), ..Default::default() })?;
+        stage::open(&scene, StageOptions { size: (640, 360).into(), ..Default::default() })?;
     stage.place(start.position, start.rotation);
     stage.get_ready()?;
     if let Some(folder) = image.parent() {

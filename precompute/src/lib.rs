@@ -8,11 +8,9 @@
 
 pub mod cli;
 mod control_log;
-mod default_settings;
 mod device;
 mod evaluate;
 mod inspect;
-mod meters;
 mod quantile;
 mod report;
 pub mod scene;

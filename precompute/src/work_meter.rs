@@ -2,13 +2,11 @@
 //! same on every machine.
 
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use bevy_frugal_gi::power::{MeterError, PowerMeter};
+use bevy_frugal_gi::power::MeterError;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::{MeterInfo, Provenance};
-use frugal_core::units::{Joules, Watts};
+use frugal_core::units::Watts;
 use frugal_search::cost::{DeviceModel, FrameLayout, Work, price, work_names};
 use frugal_search::journal::hash;
 
@@ -16,24 +14,16 @@ use frugal_search::journal::hash;
 const LAVAPIPE: &str = include_str!("../prices/lavapipe.prices.ron");
 /// Name of the meter: `work`, or `work=FILE` with prices from `frugal calibrate`.
 pub(crate) const WORK_METER: &str = "work";
-/// Energy is counted in units of 2⁻³⁰ J, which floating point represents exactly up to 8 MJ:
-/// differences of readings are exact, whatever the earlier count.
+/// Energy is counted in units of 2⁻³⁰ J, which floating point represents exactly up to 8 MJ: means
+/// over any number of frames are the same to the last bit.
 const UNITS_PER_JOULE: f64 = (1_u64 << 30) as f64;
 
-/// Reads the energy that its [`WorkLedger`] has counted.
+/// Power of frames by the work that they do: a function of their settings alone.
 #[derive(Debug)]
 pub(crate) struct WorkMeter {
     info: MeterInfo,
-    idle: Watts,
-    counted: Arc<AtomicU64>,
-}
-
-/// Counts frames for a [`WorkMeter`].
-#[derive(Debug)]
-pub(crate) struct WorkLedger {
     device: DeviceModel,
     layout: FrameLayout,
-    counted: Arc<AtomicU64>,
 }
 
 /// Whether `name` names the work meter, and its file of prices.
@@ -49,10 +39,7 @@ impl WorkMeter {
     ///
     /// # Errors
     /// When the file cannot be read, or holds no prices.
-    pub(crate) fn open(
-        file: Option<&str>,
-        layout: FrameLayout,
-    ) -> Result<(Self, WorkLedger), MeterError> {
+    pub(crate) fn open(file: Option<&str>, layout: FrameLayout) -> Result<Self, MeterError> {
         let name =
             file.map_or_else(|| WORK_METER.to_owned(), |file| format!("{WORK_METER}={file}"));
         let unavailable = |reason: String| MeterError::unavailable(name.as_str(), reason);
@@ -72,49 +59,39 @@ impl WorkMeter {
                     .to_owned(),
             ));
         }
-        let counted = Arc::new(AtomicU64::new(0));
         let description = format!(
             "work of each frame at the prices of {} ({:08x})",
             device.adapter,
             hash(&text) as u32
         );
-        let meter = Self {
-            info: MeterInfo { name, provenance: Provenance::Modelled, description },
-            idle: device.prices.idle,
-            counted: Arc::clone(&counted),
-        };
-        Ok((meter, WorkLedger { device, layout, counted }))
+        let info = MeterInfo { name, provenance: Provenance::Modelled, description };
+        Ok(Self { info, device, layout })
     }
-}
 
-impl PowerMeter for WorkMeter {
-    fn info(&self) -> MeterInfo {
+    /// Name and provenance.
+    pub(crate) fn info(&self) -> MeterInfo {
         self.info.clone()
     }
 
-    fn energy(&mut self) -> Result<Joules, MeterError> {
-        Ok(Joules(self.counted.load(Ordering::Relaxed) as f64 / UNITS_PER_JOULE))
+    /// Power of the device at rest.
+    pub(crate) fn idle(&self) -> Watts {
+        self.device.prices.idle
     }
 
-    fn idle(&self) -> Watts {
-        self.idle
-    }
-
-    fn window_seconds(&self) -> f64 {
-        0.0
-    }
-}
-
-impl WorkLedger {
-    /// Counts a frame at `settings`.
-    pub(crate) fn count(&self, space: &KnobSpace, settings: KnobLevels) {
-        let joules = self.joules(space, settings);
-        self.counted.fetch_add((joules * UNITS_PER_JOULE).round() as u64, Ordering::Relaxed);
+    /// Power of frames at `settings`.
+    pub(crate) fn power(
+        &self,
+        space: &KnobSpace,
+        settings: KnobLevels,
+        frames_per_second: f64,
+    ) -> Watts {
+        let units = (self.joules(space, settings) * UNITS_PER_JOULE).round();
+        self.idle() + Watts(units / UNITS_PER_JOULE * frames_per_second)
     }
 
     /// Energy of a frame at `settings`, without the device's idle energy. Kinds of work without a
     /// price are free.
-    pub(crate) fn joules(&self, space: &KnobSpace, settings: KnobLevels) -> f64 {
+    fn joules(&self, space: &KnobSpace, settings: KnobLevels) -> f64 {
         let work = Work::of(space, settings, &self.layout);
         let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);
         work_names(space).iter().zip(&work.0).map(|(kind, work)| price(kind) * work).sum()
@@ -129,21 +106,22 @@ mod tests {
         FrameLayout { size: [160, 90], maps: 2, point_lights: 0, has_sky: true };
 
     #[test]
-    fn readings_equal_the_count_to_the_last_bit() {
+    fn power_is_that_of_any_number_of_counted_frames_to_the_last_bit() {
         let space = crate::stage::knobs().expect("the built-in knobs");
-        let (mut meter, ledger) = WorkMeter::open(None, LAYOUT).expect("prices");
-        let mut spent = |settings| {
-            let before = meter.energy().expect("a reading");
-            ledger.count(&space, settings);
-            (meter.energy().expect("a reading") - before).0
-        };
-        let first = spent(space.highest());
-        let low = spent(space.lowest());
-        assert!(low > 0.0 && low < 0.5 * first, "{low} of {first} J");
-        for _ in 0..1000 {
-            assert_eq!(spent(space.highest()).to_bits(), first.to_bits());
+        let meter = WorkMeter::open(None, LAYOUT).expect("prices");
+        let power = |settings| meter.power(&space, settings, 30.0);
+        let (low, high) = (power(space.lowest()), power(space.highest()));
+        let spent = [low, high].map(|power| (power - meter.idle()).0);
+        assert!(0.0 < spent[0] && spent[0] < 0.5 * spent[1], "{low} and {high}");
+        let joules = meter.joules(&space, space.highest());
+        assert!((spent[1] / 30.0 - joules).abs() < 1e-8, "{high}: {joules} J a frame");
+        let units = (joules * UNITS_PER_JOULE).round() as u64;
+        for (before, frames) in [(0, 1_u64), (0, 7), (123_456_789, 1000), (1 << 50, 333)] {
+            let reading = |units: u64| units as f64 / UNITS_PER_JOULE;
+            let counted = reading(before + frames * units) - reading(before);
+            let mean = meter.idle() + Watts(counted / frames as f64 * 30.0);
+            assert_eq!(mean.0.to_bits(), high.0.to_bits(), "{frames} frames after {before}");
         }
-        assert!((ledger.joules(&space, space.highest()) - first).abs() < 1e-8);
     }
 
     #[test]

@@ -31,7 +31,7 @@ use bevy_frugal_gi::power::{
 };
 use bevy_frugal_gi::units::{Joules, Watts};
 use frugal::scene::SceneDescription;
-use frugal::stage::{Stage, StageOptions, adapter};
+use frugal::stage::{self, Stage, StageOptions, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{median, spread};
 use frugal_tests::set;
@@ -272,11 +272,11 @@ fn open_bench(map: &Path, meter: Option<&str>) -> Bench {
         size: UVec2::from_array(map.capture.size),
         frames_per_second: map.capture.frames_per_second,
         // The plugin reads the real one.
-        meter: Some("work".to_owned()),
+        meter: Some("none".to_owned()),
         ..Default::default()
     };
     let choice = meter.map_or(MeterChoice::Automatic, |name| MeterChoice::Named(name.to_owned()));
-    let mut stage = Stage::open_with(&set::loaded(&scene), options, |app| {
+    let mut stage = stage::open_with(&set::loaded(&scene), options, |app| {
         app.add_plugins((
             PowerPlugin { meter: choice, ..Default::default() },
             RenderDiagnosticsPlugin,

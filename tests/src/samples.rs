@@ -76,15 +76,14 @@ mod using_error_meter {
 }
 
 // docs/using.md
-mod using_export {
+mod using_stage {
     fn sample() {
         use bevy::prelude::*;
         use bevy_frugal_gi::prelude::*;
-        use bevy_frugal_gi_tools::SceneExportPlugin;
 
-        App::new()
-            .add_plugins((DefaultPlugins, FrugalGiPlugins, SceneExportPlugin::new("my.scene.ron")))
-            .run();
+        use bevy_frugal_gi::stage::on_stage;
+
+        App::new().add_plugins((on_stage(DefaultPlugins), FrugalGiPlugins)).run();
     }
 }
 

@@ -14,7 +14,7 @@ use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{CameraCut, FrugalGi, GiCounts, GiShading};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobSettings};
 use frugal::scene::{self, Geometry, LoadedScene, SceneDescription};
-use frugal::stage::{Component, Output, Stage, StageOptions};
+use frugal::stage::{self, Component, Output, Stage, StageOptions};
 use frugal_trace::light::Light;
 use frugal_trace::metrics::Radiance;
 use frugal_trace::scene::CameraPose;
@@ -58,7 +58,7 @@ pub fn open_with(
         app.add_plugins(NaiveRsmPlugin);
         extend(app);
     };
-    Stage::open_with(&loaded(scene), options, extend).unwrap_or_else(|error| panic!("{error}"))
+    stage::open_with(&loaded(scene), options, extend).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Opens a stage with `lights` and no meshes.

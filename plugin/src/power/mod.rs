@@ -37,6 +37,8 @@ pub use cpu_time::CpuTimeMeter;
 pub use detect::{detect, meters, open};
 pub use kind::OpenMeterError;
 pub use meter::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
+#[cfg(feature = "stage")]
+pub(crate) use plugin::switch_off;
 pub use plugin::{MeterChoice, MeterFactory, MeteredPower, PowerPlugin, PowerSystems};
 pub use sampler::{PowerSampler, SamplerSettings};
 #[cfg(test)]

@@ -132,6 +132,14 @@ impl Plugin for PowerPlugin {
     }
 }
 
+/// From now on the app starts no meter: something else reads it.
+#[cfg(feature = "stage")]
+pub(crate) fn switch_off(world: &mut World) {
+    if let Some(mut settings) = world.get_resource_mut::<PowerSettings>() {
+        settings.0.meter = MeterChoice::Off;
+    }
+}
+
 /// Starts the sampler for the rendering device.
 fn start_sampler(
     mut commands: Commands,

@@ -23,6 +23,11 @@ const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// Maximum number of characters that an error quotes from a file.
 const MAX_QUOTE: usize = 60;
 
+/// Whether the tool `frugal` runs the app, as `bevy_frugal_gi::stage` describes: nobody plays.
+pub(crate) fn is_on_stage() -> bool {
+    std::env::var_os("FRUGAL_STAGE").is_some()
+}
+
 /// A row of a log: a struct of plain fields, whose names are those of the columns. Its texts have no
 /// line breaks.
 pub trait Row: Default + Serialize + DeserializeOwned + Send + 'static {

@@ -4,14 +4,15 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use bevy_frugal_gi::stage::NO_METER;
 use clap::Args;
 use frugal_search::files;
 use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
-use crate::stage::StageOptions;
-use crate::work_meter::{WORK_METER, is_work_meter};
+use crate::stage::{Component, Program, StageOptions};
+use crate::work_meter::is_work_meter;
 
 /// Conditions of images: size, frame rate and knobs.
 #[derive(Args, Debug, Clone)]
@@ -25,6 +26,33 @@ pub(super) struct ImageArguments {
     /// Knobs to use, by name; default: all that affect the scene
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
     pub knobs: Option<Vec<String>>,
+}
+
+/// [`Component`] as an argument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum ComponentArgument {
+    /// All light.
+    Full,
+    /// The renderer's light without global illumination; in a path-traced image, light that at most
+    /// one surface scattered.
+    Direct,
+    /// Indirect light of punctual lights, with Lambertian surfaces; in a path-traced image, light
+    /// that two or more surfaces scattered.
+    Indirect,
+    /// The light that global illumination adds: indirect light, and light of emissive surfaces and
+    /// of the sky on other surfaces.
+    Global,
+}
+
+impl From<ComponentArgument> for Component {
+    fn from(argument: ComponentArgument) -> Self {
+        match argument {
+            ComponentArgument::Full => Self::Full,
+            ComponentArgument::Direct => Self::Direct,
+            ComponentArgument::Indirect => Self::Indirect,
+            ComponentArgument::Global => Self::Global,
+        }
+    }
 }
 
 /// Capture conditions: those of the images, and the meter.
@@ -46,7 +74,7 @@ impl ImageArguments {
             size: self.size,
             frames_per_second: self.fps,
             knobs: self.knobs.clone(),
-            meter: Some(WORK_METER.to_owned()),
+            meter: Some(NO_METER.to_owned()),
             ..Default::default()
         }
     }
@@ -78,12 +106,43 @@ impl WorkerArguments {
     }
 }
 
+/// What is rendered: a scene file, or an app.
+#[derive(Args, Debug, Clone)]
+pub(super) struct SceneArguments {
+    /// The scene
+    #[arg(value_name = "SCENE", required_unless_present = "app")]
+    pub scene: Option<PathBuf>,
+    /// Command that starts an app, in place of a scene: `cargo run --release --features stage`. The app
+    /// has the plugin's `StagePlugin`
+    #[arg(long, value_name = "COMMAND", conflicts_with = "scene")]
+    app: Option<String>,
+    /// Level of the app; default: the one that it shows without `frugal`
+    #[arg(long, value_name = "NAME", requires = "app")]
+    level: Option<String>,
+    /// Longest wait for the app: until it is built and runs, for its level, and for each answer
+    #[arg(long, value_name = "TIME", default_value = "30m", value_parser = duration)]
+    patience: Duration,
+}
+
+impl SceneArguments {
+    /// What renders it.
+    pub(super) fn program(&self) -> Program {
+        match &self.app {
+            None => Program::File(self.scene.clone().unwrap_or_default()),
+            Some(command) => Program::App {
+                command: command.clone(),
+                level: self.level.clone(),
+                patience: self.patience,
+            },
+        }
+    }
+}
+
 /// Scene and camera of one image.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CameraArguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    pub scene: PathBuf,
+    #[command(flatten)]
+    pub scene: SceneArguments,
     /// World position, metres
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub position: Vec3,
@@ -121,12 +180,17 @@ impl PictureArguments {
     /// file cannot be written.
     pub(super) fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
         let png = match (&self.output, &self.hdr) {
-            (None, None) => Some(PathBuf::from(format!("{scene_name}.png"))),
+            (None, None) => Some(PathBuf::from(format!("{}.png", file_name(scene_name)))),
             (png, _) => png.clone(),
         };
         check_outputs([png.as_ref(), self.hdr.as_ref()])?;
         Ok(png)
     }
+}
+
+/// A scene's name as that of a file: `app/level` is in no folder.
+pub(super) fn file_name(scene_name: &str) -> String {
+    scene_name.replace(['/', '\\'], "-")
 }
 
 /// `320x180`.

@@ -12,7 +12,7 @@ use frugal_search::pipeline::CLIP_FRAMES;
 use frugal_search::table::Measure as _;
 
 use super::CliError;
-use super::arguments::{CaptureArguments, check_outputs, duration, write};
+use super::arguments::{CaptureArguments, SceneArguments, check_outputs, duration, write};
 use super::input::{open_scene, stage_for};
 use super::progress::Progress;
 use crate::stage::RemoteStage;
@@ -20,9 +20,8 @@ use crate::subject::{frame_layout, tracks_of};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// A scene typical of those that maps are made for
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
+    #[command(flatten)]
+    scene: SceneArguments,
     /// Prices to write
     #[arg(short, long, value_name = "FILE", default_value = "device.prices.ron")]
     output: PathBuf,
@@ -44,8 +43,8 @@ const FOLDS: usize = 5;
 const FEWEST: usize = 40;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, _) = open_scene(&arguments.scene)?;
     check_outputs([Some(&arguments.output)])?;
+    let scene = open_scene(&arguments.scene)?;
     let request = stage_for(&scene, &arguments.capture)?;
     let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
@@ -65,7 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if cameras.is_empty() {
         return Err(CliError::usage(format!(
             "{}: no camera in free space sees the scene",
-            arguments.scene.display()
+            scene.label
         )));
     }
     stage.warm()?;

@@ -1,7 +1,7 @@
 //! `frugal evaluate`: plays a path under budgets beside baselines.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use frugal_core::control::ControlSettings;
@@ -9,7 +9,9 @@ use frugal_core::frontier::{FrontierMap, SceneIdentity};
 use frugal_search::journal::{Existing, Journal, JournalHeader, hash};
 
 use super::CliError;
-use super::arguments::{WorkerArguments, check_outputs, check_report, json, write, write_report};
+use super::arguments::{
+    SceneArguments, WorkerArguments, check_outputs, check_report, json, write, write_report,
+};
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
 use super::progress::Progress;
@@ -23,13 +25,12 @@ use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
+    #[command(flatten)]
+    scene: SceneArguments,
     /// The scene's map
     #[arg(long, value_name = "MAP")]
     map: PathBuf,
-    /// Which of the scene's paths to play
+    /// Which of the scene's paths to play, or a file that the plugin's recorder wrote
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
     /// Power budget in watts, or as a percentage between the power of the cheapest and of the best
@@ -112,7 +113,8 @@ impl Arguments {
     fn record_file(&self) -> Option<PathBuf> {
         let beside_map = || {
             let mut file = self.map.as_os_str().to_owned();
-            file.push(format!(".{}.record", self.path));
+            let path = Path::new(&self.path).file_stem().unwrap_or_default();
+            file.push(format!(".{}.record", path.to_string_lossy()));
             PathBuf::from(file)
         };
         let is_kept = self.baselines != Baselines::Quick;
@@ -146,24 +148,23 @@ impl Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let budgets = arguments.budgets()?;
     arguments.check(budgets.len())?;
-    let (scene, name) = open_scene(&arguments.scene)?;
-    let map = read_map_of(&scene, &name, &arguments.map)?;
+    let scene = open_scene(&arguments.scene)?;
+    let map = read_map_of(&scene, &arguments.map)?;
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     let kept = arguments.record_file();
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), kept.as_ref()])?;
     check_report(arguments.report.as_ref())?;
-    let header =
-        record_header(&SceneIdentity { name, fingerprint: scene.fingerprint()? }, &map, &path);
+    let header = record_header(&scene.identity()?, &map, &path);
     if let Some(file) = &kept {
         Journal::check(file, &header, Existing::Resume)
             .map_err(|error| JournalUse::Evaluate.refused(&error))?;
     }
 
-    let request = stage_for_map(&map, &arguments.map, arguments.meter.clone())?;
+    let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;
     let record = record(&mut stage, &map, header, &path, arguments.baselines, kept)?;
-    let (meter, label) = (stage.meter(), arguments.scene.display().to_string());
+    let (meter, label) = (stage.meter(), scene.label.clone());
     let trial = Trial {
         scene: &label,
         record: &record,

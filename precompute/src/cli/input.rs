@@ -2,23 +2,22 @@
 
 use std::path::Path;
 
-use frugal_core::frontier::{FrontierMap, SceneIdentity};
+use frugal_core::frontier::FrontierMap;
 use frugal_core::knobs::did_you_mean;
 
 use super::CliError;
-use super::arguments::CaptureArguments;
+use super::arguments::{CaptureArguments, SceneArguments};
 use crate::evaluate::PathPlan;
-use crate::scene::{self, CameraPath, LoadedScene, SceneDescription};
-use crate::stage::{self, StageOptions};
+use crate::scene::CameraPath;
+use crate::stage::{Program, StageOptions, StagedScene};
+use crate::subject::recorded_tracks;
 
-/// Loads a scene; returns it with its name.
-pub(super) fn open_scene(path: &Path) -> Result<(LoadedScene, String), CliError> {
-    let scene = scene::load(path)?;
-    let file = path
-        .file_name()
-        .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
-    let name = file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned);
-    Ok((scene, name))
+/// What the arguments name: a scene file, or an app's level, whose program is started.
+pub(super) fn open_scene(arguments: &SceneArguments) -> Result<StagedScene, CliError> {
+    match arguments.program() {
+        Program::File(path) => Ok(StagedScene::of_file(&path)?),
+        program => Ok(StagedScene::of_app(program)?),
+    }
 }
 
 /// Reads a map; returns it with its text.
@@ -34,20 +33,15 @@ pub(super) fn read_map(path: &Path) -> Result<(FrontierMap, String), CliError> {
 }
 
 /// Reads a map and checks that it belongs to the scene.
-pub(super) fn read_map_of(
-    scene: &SceneDescription,
-    name: &str,
-    path: &Path,
-) -> Result<FrontierMap, CliError> {
+pub(super) fn read_map_of(scene: &StagedScene, path: &Path) -> Result<FrontierMap, CliError> {
     let (map, _) = read_map(path)?;
-    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    map.matches_scene(&identity).map_err(|error| CliError::in_file(path, error))?;
+    map.matches_scene(&scene.identity()?).map_err(|error| CliError::in_file(path, error))?;
     Ok(map)
 }
 
 /// The scene's path called `name`.
 pub(super) fn path_called<'s>(
-    scene: &'s SceneDescription,
+    scene: &'s StagedScene,
     name: &str,
 ) -> Result<&'s CameraPath, CliError> {
     scene.paths.get(name).ok_or_else(|| {
@@ -58,34 +52,38 @@ pub(super) fn path_called<'s>(
             let guess = did_you_mean(name, known.iter().copied());
             format!("{guess}it has {}; name one of them with --path", known.join(", "))
         };
-        CliError::usage(format!("{}: no path `{name}`: {known}", scene.source.display()))
+        CliError::usage(format!("{}: no path `{name}`: {known}", scene.label))
     })
 }
 
-/// The scene's path called `name`, at `fps` frames per second.
-pub(super) fn plan_path(
-    scene: &SceneDescription,
-    name: &str,
-    fps: f64,
-) -> Result<PathPlan, CliError> {
-    let path = path_called(scene, name)?;
-    PathPlan::along(name, path, fps).map_err(CliError::usage)
+/// The scene's path called `name`, or the longest track of the recording of that name, at `fps` frames
+/// per second.
+pub(super) fn plan_path(scene: &StagedScene, name: &str, fps: f64) -> Result<PathPlan, CliError> {
+    let file = Path::new(name);
+    if scene.paths.contains_key(name) || !file.is_file() {
+        return PathPlan::along(name, path_called(scene, name)?, fps).map_err(CliError::usage);
+    }
+    let tracks = recorded_tracks(file, fps).map_err(CliError::usage)?;
+    let track = tracks.into_iter().max_by_key(Vec::len).unwrap_or_default();
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let poses = track.iter().map(|sample| sample.pose).collect();
+    PathPlan::of_poses(&stem, fps, poses).map_err(CliError::usage)
 }
 
 /// Names of the requested knobs, or of those that affect the scene.
 pub(super) fn knobs(
-    scene: &LoadedScene,
+    scene: &StagedScene,
     capture: &CaptureArguments,
 ) -> Result<Vec<String>, CliError> {
     Ok(match &capture.image.knobs {
         Some(names) => names.clone(),
-        None => stage::useful_knobs(scene)?,
+        None => scene.useful_knobs()?,
     })
 }
 
 /// Options of a stage of `scene` under the conditions of the arguments.
 pub(super) fn stage_for(
-    scene: &LoadedScene,
+    scene: &StagedScene,
     capture: &CaptureArguments,
 ) -> Result<StageOptions, CliError> {
     let (knobs, meter) = (Some(knobs(scene, capture)?), capture.meter.clone());
@@ -94,11 +92,12 @@ pub(super) fn stage_for(
 
 /// The same under the conditions of the map at `map_path`; `meter`: another than the map's.
 pub(super) fn stage_for_map(
+    scene: &StagedScene,
     map: &FrontierMap,
     map_path: &Path,
     meter: Option<String>,
 ) -> Result<StageOptions, CliError> {
-    let here = stage::every_knob()?;
+    let here = &scene.knobs;
     for knob in map.knobs.knobs() {
         let (path, name) = (map_path.display(), &knob.name);
         match here.index_of(name).map(|index| &here.knobs()[index]) {

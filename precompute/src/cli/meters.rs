@@ -1,9 +1,9 @@
 //! `frugal meters`: the power meters of this machine.
 
 use bevy_frugal_gi::power::{meters, open};
+use bevy_frugal_gi::stage::{Meter, busy_cpu_load, self_test};
 
 use super::CliError;
-use crate::meters::{Meter, busy_cpu_load, self_test};
 use crate::work_meter::WORK_METER;
 
 #[derive(clap::Args, Debug)]

@@ -66,9 +66,15 @@ enum Command {
     /// Plots the control log of an app: power, error, frame times and switches under its budgets
     #[command(alias = "report")]
     PlotLog(plot_log::Arguments),
-    /// Renders for a parent process
+    /// Renders a scene file for another process
     #[command(hide = true)]
     StageWorker,
+    /// Runs an app for another process
+    #[command(hide = true)]
+    StageGuard {
+        /// For the system's shell
+        command: String,
+    },
 }
 
 /// Runs the process's command line.
@@ -87,7 +93,11 @@ pub fn run() -> ExitCode {
         Command::Merge(arguments) => merge::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
         Command::PlotLog(arguments) => plot_log::run(arguments),
-        Command::StageWorker => crate::stage::serve().map_err(CliError::failed),
+        Command::StageWorker => {
+            crate::stage::serve();
+            Ok(())
+        }
+        Command::StageGuard { command } => return crate::stage::guard(command),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

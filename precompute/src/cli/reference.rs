@@ -8,11 +8,12 @@ use frugal_trace::metrics::tone;
 use glam::UVec2;
 
 use super::CliError;
-use super::arguments::{CameraArguments, PictureArguments, size, write};
+use super::arguments::{
+    CameraArguments, ComponentArgument as Component, PictureArguments, size, write,
+};
 use super::input::open_scene;
 use super::progress::{Progress, interrupted};
 use crate::scene::ReferenceError;
-use crate::stage::Component;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -66,8 +67,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if is_direct && arguments.bounces.is_some_and(|bounces| bounces.0 != Some(0)) {
         return Err(CliError::usage("--bounces: direct light has none; give another --component"));
     }
-    let (description, name) = open_scene(&arguments.camera.scene)?;
-    let png = arguments.picture.png(&name)?;
+    let description = open_scene(&arguments.camera.scene)?;
+    let png = arguments.picture.png(&description.name)?;
     let scene = description.reference()?;
     let view = description.view(arguments.camera.pose()?, arguments.size);
     let settings = Settings {

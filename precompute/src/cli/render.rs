@@ -1,9 +1,11 @@
 //! `frugal render`: one image.
 
 use super::CliError;
-use super::arguments::{CameraArguments, ImageArguments, PictureArguments, write};
+use super::arguments::{
+    CameraArguments, ComponentArgument, ImageArguments, PictureArguments, write,
+};
 use super::input::open_scene;
-use crate::stage::{Component, Output, Stage, StageOptions};
+use crate::stage::{Output, Shot, StageOptions};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -16,31 +18,29 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
     /// Component of the light
-    #[arg(long, value_enum, default_value_t = Component::Full)]
-    component: Component,
+    #[arg(long, value_enum, default_value_t = ComponentArgument::Full)]
+    component: ComponentArgument,
     #[command(flatten)]
     picture: PictureArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.camera.scene)?;
-    let png = arguments.picture.png(&name)?;
+    let scene = open_scene(&arguments.camera.scene)?;
+    let png = arguments.picture.png(&scene.name)?;
     let pose = arguments.camera.pose()?;
-    let take = |output: Output| -> Result<Stage, CliError> {
-        let options =
-            StageOptions { output, component: arguments.component, ..arguments.image.options() };
-        let mut stage = Stage::open(&scene, options)?;
-        stage.place(pose.position, pose.rotation);
-        stage.apply_text(&arguments.settings)?;
-        stage.get_ready()?;
-        Ok(stage)
+    let shoot = |output: Output| -> Result<Shot, CliError> {
+        let component = arguments.component.into();
+        let options = StageOptions { output, component, ..arguments.image.options() };
+        Ok(scene.process(options).shoot(&pose, &arguments.settings)?)
     };
-    if let Some(path) = png {
-        let picture = take(Output::Display)?.picture()?;
+    if let Some(path) = png
+        && let Shot::Picture(picture) = shoot(Output::Display)?
+    {
         write(&path, &picture.to_png().map_err(CliError::failed)?)?;
     }
-    if let Some(path) = &arguments.picture.hdr {
-        let radiance = take(Output::Radiance)?.radiance()?;
+    if let Some(path) = &arguments.picture.hdr
+        && let Shot::Radiance(radiance) = shoot(Output::Radiance)?
+    {
         println!("mean radiance {:.3} nits", radiance.mean());
         write(path, &radiance.to_exr().map_err(CliError::failed)?)?;
     }

@@ -1,5 +1,6 @@
 //! Comparison of all policies under one budget, simulated from a record.
 
+use bevy_frugal_gi::stage::default_settings;
 use frugal_core::control::{Budget, ControlSettings, SettingsFilter};
 use frugal_core::frontier::{CostPoint, FrontierMap};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
@@ -13,7 +14,6 @@ use super::{
     BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
     Pose, PowerBudget, ResolvedBudget, RunResult,
 };
-use crate::default_settings::default_settings;
 
 /// Extent of the comparison.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

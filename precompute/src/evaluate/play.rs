@@ -147,6 +147,20 @@ impl PathPlan {
         Ok(Self { name: name.to_owned(), fps, poses })
     }
 
+    /// The poses of a path's frames at `fps` frames per second.
+    ///
+    /// # Errors
+    /// When there are none or too many.
+    pub(crate) fn of_poses(name: &str, fps: f64, poses: Vec<Pose>) -> Result<Self, String> {
+        let (frames, most) = (poses.len(), Self::MAX_FRAMES);
+        if !(1..=most).contains(&frames) {
+            return Err(format!(
+                "path `{name}` has {frames} frames, where one to {most} are played"
+            ));
+        }
+        Ok(Self { name: name.to_owned(), fps, poses })
+    }
+
     /// The path's name in the scene.
     pub(crate) fn name(&self) -> &str {
         &self.name

@@ -1,31 +1,110 @@
-//! The Bevy app of a stage, and the adapter that it will render on: Bevy panics without one.
+//! The app of a scene file.
 
-use std::sync::OnceLock;
 use std::time::Duration;
 
 use bevy::DefaultPlugins;
-use bevy::app::{App, PluginGroup, TerminalCtrlCHandlerPlugin};
+use bevy::app::{App, Last, PluginGroup, Startup, TerminalCtrlCHandlerPlugin};
+use bevy::asset::{AssetPlugin, UnapprovedPathMode};
+use bevy::ecs::world::World;
 use bevy::log::LogPlugin;
 use bevy::render::RenderPlugin;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
-use bevy::time::TimeUpdateStrategy;
 use bevy::ui::UiPlugin;
 use bevy::ui_render::UiRenderPlugin;
 use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
-use bevy_frugal_gi::gi::GiRefresh;
-use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
 use bevy_frugal_gi::pacing::FramePacingPlugin;
-use bevy_frugal_gi::power::{Adapter, AdapterKind, PowerPlugin};
-use frugal_core::knobs::{KnobSpace, KnobSpaceError};
+use bevy_frugal_gi::power::PowerPlugin;
+use bevy_frugal_gi::stage::protocol::LEVEL_VARIABLE;
+use bevy_frugal_gi::stage::{Stage, StageError, StageOptions, StagePlugin, StageReady};
 
-/// An app without window, log, signal handler and user interface, whose clock steps by one frame
-/// per update. `extend` adds plugins before it is finished.
-pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> App {
+use super::world;
+use crate::scene::{self, LoadedScene, SpawnedGeometry};
+
+/// Pause between frames while geometry loads.
+const YIELD: Duration = Duration::from_millis(5);
+
+/// Stages `scene`, and waits for the first finished frame.
+///
+/// # Errors
+/// When there is no adapter, an option is out of range, the environment map cannot be read, or the
+/// renderer does not become ready.
+pub fn open(scene: &LoadedScene, options: StageOptions) -> Result<Stage, StageError> {
+    open_with(scene, options, |_| ())
+}
+
+/// [`open`], in an app to which `extend` adds plugins: for custom materials, and for passes that are
+/// compared with ours.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(
+    scene: &LoadedScene,
+    options: StageOptions,
+    extend: impl FnOnce(&mut App),
+) -> Result<Stage, StageError> {
+    options.check()?;
+    // Bevy panics without one.
+    bevy_frugal_gi::stage::adapter().ok_or(StageError::NoAdapter)?;
+    let mut app = headless();
+    extend(&mut app);
+    app.finish();
+    app.cleanup();
+    let camera = world::spawn(app.world_mut(), scene)?;
+    loop {
+        app.update();
+        if let Some(spawned) = spawned(app.world()) {
+            spawned.map_err(StageError::Level)?;
+            return Stage::new(app, camera, options);
+        }
+        std::thread::sleep(YIELD);
+    }
+}
+
+/// The program of the hidden command that renders a scene file for the tool.
+pub(crate) fn serve() {
+    let mut app = headless();
+    app.add_plugins(StagePlugin).add_systems(Startup, spawn_level).add_systems(Last, say_ready);
+    app.run();
+}
+
+/// Spawns the scene file that is the level.
+fn spawn_level(world: &mut World) {
+    // A path, which need not be text.
+    let file = std::env::var_os(LEVEL_VARIABLE).unwrap_or_default();
+    let spawned = scene::load(file).map_err(|error| error.to_string()).and_then(|scene| {
+        world::spawn(world, &scene).map(|_| ()).map_err(|error| error.to_string())
+    });
+    world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::NotYet));
+}
+
+/// Once the scene file's geometry has loaded.
+fn say_ready(world: &mut World) {
+    if world.get_resource::<StageReady>() == Some(&StageReady::NotYet)
+        && let Some(spawned) = spawned(world)
+    {
+        world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::Ready));
+    }
+}
+
+/// Whether the scene's geometry is there, or why it cannot be; `None` while it loads.
+fn spawned(world: &World) -> Option<Result<(), String>> {
+    let spawned = world.get_resource::<SpawnedGeometry>().filter(|spawned| spawned.is_complete)?;
+    Some(spawned.failures.first().map_or(Ok(()), |failure| Err(failure.clone())))
+}
+
+/// An app without window, log, signal handler and user interface, whose pipelines compile when they
+/// are needed.
+fn headless() -> App {
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins
+            .set(AssetPlugin {
+                // A scene's files may be anywhere.
+                unapproved_path_mode: UnapprovedPathMode::Allow,
+                ..Default::default()
+            })
             .set(WindowPlugin {
                 primary_window: None,
                 exit_condition: ExitCondition::DontExit,
@@ -41,55 +120,6 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
             .disable::<PipelinedRenderingPlugin>(),
     )
     // The stage itself reads the meter around each frame, and sleeps in none.
-    .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>().disable::<FramePacingPlugin>())
-    // A stage's camera is often still where an app's moves: frames must not be cheaper for it.
-    .insert_resource(GiRefresh::AsIfCamerasMoved)
-    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(
-        1.0 / frames_per_second,
-    )));
-    extend(&mut app);
-    app.finish();
-    app.cleanup();
+    .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>().disable::<FramePacingPlugin>());
     app
-}
-
-/// The knobs of a stage without opening one: all, or without the opt-in ones.
-pub(super) fn knobs(with_opt_in: bool) -> Result<KnobSpace, KnobSpaceError> {
-    let mut app = App::new();
-    app.add_plugins(KnobPlugin);
-    app.world().resource::<KnobRegistry>().space_with(|_| with_opt_in)
-}
-
-/// The adapter, and the instance that found it. The instance is kept so that the driver stays
-/// loaded between stages: on NVIDIA's, processes that opened one stage after another found no
-/// adapter any more after three to thirty of them.
-static FOUND: OnceLock<(wgpu::Instance, Adapter)> = OnceLock::new();
-
-/// The adapter that the renderer will choose; `None` if there is none.
-pub fn adapter() -> Option<Adapter> {
-    if let Some((_, adapter)) = FOUND.get() {
-        return Some(adapter.clone());
-    }
-    let (instance, adapter) = find()?;
-    Some(FOUND.get_or_init(|| (instance, adapter)).1.clone())
-}
-
-fn find() -> Option<(wgpu::Instance, Adapter)> {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends =
-        wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
-    let instance = wgpu::Instance::new(descriptor);
-    let options = wgpu::RequestAdapterOptions {
-        power_preference: wgpu::PowerPreference::from_env()
-            .unwrap_or(wgpu::PowerPreference::HighPerformance),
-        ..Default::default()
-    };
-    let adapter = bevy::tasks::block_on(instance.request_adapter(&options)).ok()?;
-    let adapter = Adapter::from(&adapter.get_info());
-    Some((instance, adapter))
-}
-
-/// Whether the renderer runs on the CPU.
-pub fn software_adapter() -> bool {
-    adapter().is_some_and(|adapter| adapter.kind == AdapterKind::Software)
 }

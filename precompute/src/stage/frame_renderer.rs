@@ -5,8 +5,6 @@ use frugal_core::units::Watts;
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::CameraPose;
 
-use super::{Stage, StageError};
-
 /// A rendered frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct RenderedFrame {
@@ -16,7 +14,7 @@ pub(crate) struct RenderedFrame {
     pub power: Watts,
 }
 
-/// Renders and meters frames: the headless stage, or formulas in tests.
+/// Renders and meters frames: a stage, or formulas in tests.
 pub(crate) trait FrameRenderer {
     /// Why no frame was rendered.
     type Error;
@@ -42,33 +40,4 @@ pub(crate) trait FrameRenderer {
         pose: &CameraPose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, Self::Error>;
-}
-
-impl FrameRenderer for Stage {
-    type Error = StageError;
-
-    fn begin_run(
-        &mut self,
-        _: &str,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<(), StageError> {
-        self.place(pose.position, pose.rotation);
-        self.apply(settings);
-        (0..4).for_each(|_| self.frame());
-        Ok(())
-    }
-
-    /// Renders and meters one frame, including the cost of a switch of settings, which an app pays
-    /// too.
-    fn render_frame(
-        &mut self,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<RenderedFrame, StageError> {
-        self.place(pose.position, pose.rotation);
-        self.switch(settings);
-        let power = self.metered_frames(1)?;
-        Ok(RenderedFrame { picture: self.picture()?, power })
-    }
 }

@@ -1,5 +1,7 @@
 //! Knobs that affect a scene.
 
+use bevy::app::App;
+use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
 use frugal_core::knobs::KnobSpace;
 use frugal_trace::light::Light;
 
@@ -15,8 +17,6 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
     let geometry = &scene.geometry;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
-    let has_texture =
-        geometry.materials.iter().any(|material| material.base_color_texture.is_some());
     let has_environment = match &scene.environment {
         Environment::None => false,
         Environment::Constant(radiance) => *radiance != [0.0; 3],
@@ -42,7 +42,8 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
         "gi_environment_samples" => has_environment,
         name if name.starts_with("gi_") => has_light || has_emissive || has_environment,
         "shadow_cascades" => has_sun,
-        "texture_detail" => has_texture,
+        // Bevy's loader makes no mip levels.
+        "texture_detail" => false,
         // Beside environment light it dims only indirect light without rays.
         "ambient_occlusion" => has_environment,
         _ => true,
@@ -50,18 +51,24 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
     Ok(space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
 }
 
-/// All knobs of a stage except the opt-in ones.
+/// All built-in knobs except the opt-in ones.
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are valid.
 pub(crate) fn knobs() -> Result<KnobSpace, StageError> {
-    Ok(super::app::knobs(false)?)
+    built_in(false)
 }
 
-/// All knobs of a stage.
+/// All built-in knobs.
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are valid.
 pub fn every_knob() -> Result<KnobSpace, StageError> {
-    Ok(super::app::knobs(true)?)
+    built_in(true)
+}
+
+fn built_in(with_opt_in: bool) -> Result<KnobSpace, StageError> {
+    let mut app = App::new();
+    app.add_plugins(KnobPlugin);
+    Ok(app.world().resource::<KnobRegistry>().space_with(|_| with_opt_in)?)
 }

@@ -6,9 +6,10 @@ mod tracks;
 use bevy_frugal_gi::gi::GiLimits;
 use frugal_search::cost::{FrameLayout, POINT_LIGHT_MAPS};
 use frugal_search::view_features::ViewDescriber;
+use frugal_trace::integrator::ReferenceScene;
 use frugal_trace::light::Light;
 
-use crate::scene::{Environment, LoadedScene, SceneDescription};
+use crate::scene::{Environment, SceneDescription};
 
 pub(crate) use tracks::{recorded_tracks, tracks_of};
 
@@ -27,14 +28,14 @@ pub(crate) fn frame_layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLay
     FrameLayout { size, maps: maps as u32, point_lights: points as u32, has_sky }
 }
 
-/// Describes the views of `scene`; `None` where it cannot be path-traced.
-pub(crate) fn view_describer(scene: &LoadedScene) -> Option<ViewDescriber> {
-    Some(ViewDescriber {
-        scene: scene.reference().ok()?,
+/// Describes the views of `scene`, which is `traced`.
+pub(crate) fn view_describer(scene: &SceneDescription, traced: ReferenceScene) -> ViewDescriber {
+    ViewDescriber {
+        scene: traced,
         vertical_fov_degrees: scene.camera.vertical_fov,
         near: scene.camera.near,
         exposure_ev100: scene.exposure_ev100,
-    })
+    }
 }
 
 #[cfg(test)]
@@ -45,7 +46,7 @@ mod tests {
     use glam::{Quat, Vec3};
 
     use super::*;
-    use crate::scene::load;
+    use crate::scene::{LoadedScene, load};
 
     fn loaded(scene: &str) -> LoadedScene {
         let file = format!("../assets/scenes/{scene}.scene.ron");
@@ -67,7 +68,9 @@ mod tests {
     }
 
     fn describe(position: Vec3, target: Vec3) -> ViewFeatures {
-        let describer = view_describer(&loaded("courtyard")).expect("it can be traced");
+        let scene = loaded("courtyard");
+        let traced = scene.reference().expect("it can be traced");
+        let describer = view_describer(&scene, traced);
         let rotation = Quat::from_mat3(&glam::Mat3::from_quat(
             glam::Affine3A::look_at_rh(position, target, Vec3::Y)
                 .inverse()

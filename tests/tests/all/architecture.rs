@@ -57,20 +57,19 @@ const PLUGIN: &[&str] = &[
     "control",
     "camera_copy",
     "error_meter",
+    "stage",
 ];
 
 /// The parts of the development tools.
-const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "scene_export", "hud"];
+const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "hud"];
 
 /// The tool's parts.
 const TOOL: &[&str] = &[
     "quantile",
     "scene",
     "subject",
-    "meters",
     "work_meter",
     "device",
-    "default_settings",
     "control_log",
     "stage",
     "evaluate",

@@ -9,7 +9,7 @@ use bevy::math::{Quat, Vec3};
 use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiCounts, RsmView, inspect};
-use frugal::stage::{Component, Stage};
+use frugal::stage::{self, Component, Stage};
 use frugal_tests::{meshes, set};
 use frugal_trace::light::Light;
 use frugal_trace::scene::CameraPose;
@@ -262,7 +262,7 @@ fn lights_that_are_not_finite_are_ignored() {
 fn images_that_are_too_small_are_refused() {
     for (width, height) in [(0, 32), (1, 1), (31, 31), (9000, 32)] {
         let refused =
-            Stage::open(&set::loaded(&set::scene("furnace")), set::options(width, height))
+            stage::open(&set::loaded(&set::scene("furnace")), set::options(width, height))
                 .err()
                 .map(|error| error.to_string());
         assert!(

@@ -32,7 +32,6 @@ mod naive;
 mod refresh;
 mod resolution;
 mod sampling;
-mod scene_export;
 mod shaders;
 mod stability;
 mod viewports;
@@ -48,6 +47,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("bounces::light", bounces::light::TESTS, true),
     ("bounces::limits", bounces::limits::TESTS, true),
     ("cli::analysis", cli::analysis::TESTS, false),
+    ("cli::app", cli::app::TESTS, true),
     ("cli::counted", cli::counted::TESTS, true),
     ("cli::input", cli::input::TESTS, false),
     ("cli::journal", cli::journal::TESTS, true),
@@ -83,7 +83,6 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("refresh", refresh::TESTS, true),
     ("resolution", resolution::TESTS, true),
     ("sampling", sampling::TESTS, true),
-    ("scene_export", scene_export::TESTS, true),
     ("shaders", shaders::TESTS, false),
     ("stability", stability::TESTS, true),
     ("viewports", viewports::TESTS, true),

@@ -342,7 +342,7 @@ fn a_clip_costs_the_same_whatever_was_rendered_before() {
     };
     let mut stage = StageEvaluator::new(set::open(
         &set::scene("cornell"),
-        StageOptions { meter: Some("work".into()), ..set::options(64, 36) },
+        StageOptions { meter: Some("none".into()), ..set::options(64, 36) },
     ));
     stage.stage().warm().expect("a ready stage");
     let space = stage.stage().space().clone();

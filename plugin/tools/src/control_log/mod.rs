@@ -52,7 +52,7 @@ use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::power::MeteredPower;
 use bevy_frugal_gi::units::Watts;
 
-use crate::row_log::RowLog;
+use crate::row_log::{RowLog, is_on_stage};
 
 pub use sample::ControlSample;
 use sample::status;
@@ -89,6 +89,10 @@ impl Plugin for ControlLogPlugin {
         // A browser has neither files nor threads.
         if cfg!(target_family = "wasm") {
             warn!("there is no control log: a browser has no files");
+            return;
+        }
+        // The tool decides there.
+        if is_on_stage() {
             return;
         }
         let settings = self.clone();

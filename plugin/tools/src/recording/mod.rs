@@ -46,7 +46,7 @@ use bevy::time::Real;
 use bevy::transform::TransformSystems;
 use bevy_frugal_gi::frontier::{CameraView, camera_view};
 
-use crate::row_log::{Row, RowLog, RowLogError, read_rows};
+use crate::row_log::{Row, RowLog, RowLogError, is_on_stage, read_rows};
 pub use sample::CameraSample;
 
 /// Marks a camera whose path [`CameraRecorderPlugin`] records. An inactive camera is not recorded.
@@ -61,7 +61,7 @@ pub struct RecordCamera;
 ///
 /// File errors do not affect the app: frames never wait for the disk, and if the file cannot be
 /// written, the recorder logs one error with the remedy and turns off. In a browser, which has no
-/// files, it is always off.
+/// files, it is always off; so is it on the stage of `frugal`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraRecorderPlugin {
     /// Path of the file. Missing parent folders are created.
@@ -199,9 +199,11 @@ fn start(commands: &mut Commands, settings: &CameraRecorderPlugin) {
             path.display()
         );
     }
+    // The tool moves cameras where nobody plays.
     let log = earlier
         .as_ref()
         .ok()
+        .filter(|_| !is_on_stage())
         .map(|earlier| RowLog::start(path, settings.max_samples.saturating_sub(earlier.len())));
     // Numbers of earlier runs' cameras are not reused.
     let numbers = earlier.iter().flatten().map(|sample| sample.camera);

@@ -9,18 +9,17 @@ use frugal_search::cameras::TrackSample;
 use frugal_search::pipeline::PipelineConfig;
 
 use super::super::CliError;
-use super::super::arguments::{CaptureArguments, WorkerArguments, duration};
+use super::super::arguments::{CaptureArguments, SceneArguments, WorkerArguments, duration};
 use super::super::input::path_called;
 use super::super::journal::JournalArguments;
 use crate::evaluate::PowerBudget;
-use crate::scene::SceneDescription;
+use crate::stage::StagedScene;
 use crate::subject::{recorded_tracks, tracks_of};
 
 #[derive(clap::Args, Debug)]
 pub(in crate::cli) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    pub(super) scene: PathBuf,
+    #[command(flatten)]
+    pub(super) scene: SceneArguments,
     /// Map to write; default: the scene's name with .pareto.ron, beside the scene
     #[arg(short, long, value_name = "MAP")]
     pub(super) output: Option<PathBuf>,
@@ -130,7 +129,7 @@ impl TrackArguments {
     /// Tracks of the scene's paths and of recordings.
     pub(super) fn tracks(
         &self,
-        scene: &SceneDescription,
+        scene: &StagedScene,
         fps: f64,
     ) -> Result<Vec<Vec<TrackSample>>, CliError> {
         if !(fps > 0.0 && fps <= FASTEST) {

@@ -5,7 +5,7 @@ mod outcome;
 mod search;
 
 use super::CliError;
-use super::arguments::{check_outputs, check_report, write, write_report};
+use super::arguments::{check_outputs, check_report, file_name, write, write_report};
 use super::input::{open_scene, stage_for};
 use super::journal::{journal_path, other_journals};
 use crate::report::{Report, map_section, search_section};
@@ -16,20 +16,19 @@ use outcome::print_outcome;
 use search::{SearchPlan, search};
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.scene)?;
-    let output = arguments
-        .output
-        .clone()
-        .unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
-    check_outputs([Some(&output)])?;
     check_report(arguments.report.as_ref())?;
     arguments.search.check()?;
+    let scene = open_scene(&arguments.scene)?;
+    let output = arguments.output.clone().unwrap_or_else(|| {
+        let beside = arguments.scene.scene.clone().unwrap_or_default();
+        beside.with_file_name(format!("{}.pareto.ron", file_name(&scene.name)))
+    });
+    check_outputs([Some(&output)])?;
     let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.image.fps)?;
     let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
     let journal = journal_path(&output, arguments.shard);
     let plan = SearchPlan {
         scene: &scene,
-        name: &name,
         tracks: &tracks,
         arguments,
         others: other_journals(&output, &journal),
@@ -42,7 +41,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
-        let mut report = Report::new(&format!("frugal precompute: {name}"));
+        let mut report = Report::new(&format!("frugal precompute: {}", scene.name));
         report.section(search_section(&searched)?);
         report.section(map_section(&searched.map)?);
         write_report(folder, &report.render())?;

@@ -18,18 +18,15 @@ use super::super::progress::Progress;
 use super::arguments::{Arguments, SearchArguments};
 use crate::device;
 use crate::report::SearchSummary;
-use crate::scene::{LoadedScene, SceneDescription};
-use crate::stage::{self, RemoteError, RemoteStage};
-use crate::subject::{frame_layout, view_describer};
+use crate::stage::{self, RemoteError, RemoteStage, StagedScene};
+use crate::subject::frame_layout;
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
 const MAX_CALIBRATION: usize = 24;
 
 /// What is searched, and which journal keeps it.
 pub(super) struct SearchPlan<'a> {
-    pub scene: &'a LoadedScene,
-    /// The scene's name.
-    pub name: &'a str,
+    pub scene: &'a StagedScene,
     pub tracks: &'a [Vec<TrackSample>],
     pub arguments: &'a Arguments,
     pub journal: PathBuf,
@@ -46,7 +43,7 @@ impl SearchPlan<'_> {
         let mut header = self.header()?;
         let names = knobs(self.scene, &self.arguments.capture)?;
         // An unknown knob is the stage's to refuse, as is a machine without a meter.
-        if let Ok(space) = stage::every_knob()?.subset(names.iter().map(String::as_str)) {
+        if let Ok(space) = self.scene.knobs.subset(names.iter().map(String::as_str)) {
             header = header.with("list of knobs", names_of(&space));
         }
         let detected = || Some(detect(&stage::adapter()?).ok()?.info().name);
@@ -68,8 +65,7 @@ impl SearchPlan<'_> {
     }
 
     fn identity(&self) -> Result<SceneIdentity, CliError> {
-        let fingerprint = self.scene.fingerprint()?;
-        Ok(SceneIdentity { name: self.name.to_owned(), fingerprint })
+        Ok(self.scene.identity()?)
     }
 
     /// The part of the journal's header that is known before anything is rendered.
@@ -127,7 +123,7 @@ pub(super) fn search(
     let lens = stage.lens();
     let idle = stage.idle();
     // Only when the first view is described: on a resumed run it may never be.
-    let describer = LazyCell::new(|| view_describer(scene));
+    let describer = LazyCell::new(|| scene.view_describer());
     let describe = |camera: &MovingCamera| {
         describer.as_ref().map(|describer| describer.describe(camera)).unwrap_or_default()
     };
@@ -163,7 +159,7 @@ pub(super) fn search(
 /// Training cameras, and a sixth as many for calibration, up to [`MAX_CALIBRATION`].
 fn sample_cameras(
     stage: &RemoteStage,
-    scene: &LoadedScene,
+    scene: &StagedScene,
     tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
 ) -> CameraSet {
@@ -181,13 +177,13 @@ fn sample_cameras(
     )
 }
 
-fn cli_error(error: PipelineError<RemoteError>, scene: &SceneDescription) -> CliError {
+fn cli_error(error: PipelineError<RemoteError>, scene: &StagedScene) -> CliError {
     let of = JournalUse::Precompute;
     match error {
         PipelineError::Interrupted => of.interrupted(),
         PipelineError::Journal(error) => of.failed(&error),
         PipelineError::NeedsOthers => of.needs_others(),
-        PipelineError::NoCameras => CliError::in_file(&scene.source, error),
+        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.label)),
         error => CliError::failed(error),
     }
 }

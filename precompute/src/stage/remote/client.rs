@@ -1,10 +1,12 @@
-//! The parent's side: what is asked of the child processes, one after the other or side by side.
+//! What is asked of stages' processes, one after the other or side by side.
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
+use bevy_frugal_gi::stage::NO_METER;
+use bevy_frugal_gi::stage::protocol::Opened;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::MeterInfo;
@@ -12,13 +14,15 @@ use frugal_core::units::Watts;
 use frugal_search::table::{Batch, Measure, Measured};
 use frugal_trace::scene::CameraPose;
 
-use super::process::{RemoteError, StageProcess};
-use super::{Opened, Request};
+use super::connection::RemoteError;
+use super::process::StageProcess;
+use super::staged::StagedScene;
 use crate::device::on_this_machine;
-use crate::scene::SceneDescription;
 use crate::stage::StageOptions;
+use crate::subject::frame_layout;
+use crate::work_meter::{WorkMeter, is_work_meter};
 
-/// A stage in a child process, with more of them for what can be rendered side by side.
+/// A stage in another process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {
     /// At least one.
     processes: Vec<StageProcess>,
@@ -30,25 +34,40 @@ pub(crate) struct RemoteStage {
 }
 
 impl RemoteStage {
-    /// Starts a child with `scene`. Further ones, up to `workers`,
-    /// start when they are warmed. They share the processor: a meter that reads the machine reads them
-    /// all.
+    /// Starts a process with `scene`. Further ones, up to `workers`, start when they are warmed. They
+    /// share the processor: a meter that reads the machine reads them all.
     ///
     /// # Errors
-    /// When the child cannot be started, or its stage cannot be opened.
+    /// When it cannot be started, or its stage cannot be opened.
     pub(crate) fn open(
-        scene: &SceneDescription,
-        options: StageOptions,
+        scene: &StagedScene,
+        mut options: StageOptions,
         workers: NonZeroUsize,
     ) -> Result<Self, RemoteError> {
         let count = workers.get();
         let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let threads = (count > 1).then_some((cores / count).max(1));
         let size = options.size.to_array();
-        let opening = Request::Open { scene: scene.source.clone(), options };
-        let mut processes: Vec<_> =
-            (0..count).map(|_| StageProcess::new(opening.clone(), threads)).collect();
+        let work = match options.meter.as_deref().and_then(is_work_meter) {
+            None => None,
+            Some(file) => {
+                let meter = WorkMeter::open(file, frame_layout(scene, size));
+                Some(Arc::new(meter.map_err(RemoteError::usage)?))
+            }
+        };
+        if work.is_some() {
+            options.meter = Some(NO_METER.to_owned());
+        }
+        let process =
+            || StageProcess::new(scene.program.clone(), options.clone(), work.clone(), threads);
+        let first = process().with(scene.take_running());
+        let more = (1..count).map(|_| process());
+        let mut processes: Vec<_> = std::iter::once(first).chain(more).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
+        let (meter, idle) = match &work {
+            Some(work) => (work.info(), work.idle()),
+            None => (meter.ok_or_else(|| RemoteError::usage("the stage has no meter"))?, idle),
+        };
         Ok(Self {
             processes,
             size,
@@ -90,10 +109,10 @@ impl RemoteStage {
         &mut self.processes
     }
 
-    /// Renders every level of every knob once, in every child, so that no metered frame compiles.
+    /// Renders every level of every knob once, in every process, so that no metered frame compiles.
     ///
     /// # Errors
-    /// When the child fails.
+    /// When a process fails.
     pub(crate) fn warm(&mut self) -> Result<(), RemoteError> {
         std::thread::scope(|scope| {
             let all = self.processes.iter_mut();
@@ -118,7 +137,7 @@ impl Measure for RemoteStage {
         self.processes[0].measure(clip, settings)
     }
 
-    /// Each child takes the next batch when it is done with its last. All end after the rendering that
+    /// Each process takes the next batch when it is done with its last. All end after the rendering that
     /// they are at where one fails, or `done` breaks.
     fn measure_all(
         &mut self,

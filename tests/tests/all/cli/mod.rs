@@ -4,6 +4,7 @@
 //! output, and never panic.
 
 pub(crate) mod analysis;
+pub(crate) mod app;
 pub(crate) mod counted;
 pub(crate) mod input;
 pub(crate) mod journal;

@@ -1,0 +1,130 @@
+//! Waits for everything that is compiled, loaded or built in the background, so that no metered frame
+//! lacks it or pays for it.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor};
+use bevy::shader::ShaderCacheError;
+
+use super::{Stage, StageError};
+use crate::gi::{GiCounts, GiOccluders, GiTextureCopies};
+
+/// Greatest number of frames to wait for temporal accumulation.
+const MAX_ACCUMULATION_FRAMES: u32 = 70;
+/// Frames and time after which a renderer that is still not ready has failed: small images are fast,
+/// and drivers may take seconds for a pipeline.
+const MAX_FRAMES: u32 = 600;
+const MAX_TIME: Duration = Duration::from_secs(120);
+/// Loading and compiling run in other threads; frames of small images would leave them no time.
+const YIELD: Duration = Duration::from_millis(5);
+
+impl Stage {
+    /// Renders frames until all pipelines and resources of the frame are ready.
+    ///
+    /// # Errors
+    /// When a shader does not compile, the app ends, or it takes more than 600 frames and 120 s.
+    pub fn get_ready(&mut self) -> Result<(), StageError> {
+        let (start, mut frames, mut ready_frames) = (Instant::now(), 0, 0);
+        while frames < MAX_FRAMES || start.elapsed() < MAX_TIME {
+            self.frame();
+            self.check()?;
+            frames += 1;
+            let world = self.app.world();
+            let waiting = self.is_compiling()
+                || world.get_resource::<GiOccluders>().is_some_and(|all| all.waiting() > 0)
+                || world.get_resource::<GiTextureCopies>().is_some_and(|all| all.waiting() > 0);
+            // The count lags a frame behind the image.
+            ready_frames = if waiting { 0 } else { ready_frames + 1 };
+            if ready_frames == 0 {
+                std::thread::sleep(YIELD);
+            }
+            // Temporal accumulation still converges to the still image. In a scene that never rests
+            // it never does.
+            let accumulating = self
+                .render_world()
+                .get_resource::<GiCounts>()
+                .is_some_and(|counts| counts.settling > 0 || counts.waiting_maps > 0);
+            if ready_frames >= if accumulating { MAX_ACCUMULATION_FRAMES } else { 4 } {
+                return Ok(());
+            }
+        }
+        Err(self.still_missing())
+    }
+
+    /// Renders frames until no pipeline is missing.
+    ///
+    /// # Errors
+    /// As [`get_ready`](Self::get_ready).
+    pub(super) fn finish_pipelines(&mut self) -> Result<(), StageError> {
+        let start = Instant::now();
+        while self.is_compiling() {
+            std::thread::sleep(YIELD);
+            self.frame();
+            self.check()?;
+            if start.elapsed() > MAX_TIME {
+                return Err(self.still_missing());
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails if a shader does not compile, or the app has ended.
+    pub(super) fn check(&self) -> Result<(), StageError> {
+        if self.has_ended {
+            return Err(StageError::Ended);
+        }
+        for pipeline in self.render_world().resource::<PipelineCache>().pipelines() {
+            if let CachedPipelineState::Err(error) = &pipeline.state
+                // Shaders load in the background; Bevy retries in the next frame.
+                && !matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
+            {
+                return Err(StageError::NotReady(error.to_string()));
+            }
+        }
+        Ok(())
+    }
+
+    fn still_missing(&self) -> StageError {
+        let cache = self.render_world().resource::<PipelineCache>();
+        let waiting = cache.pipelines().filter_map(|pipeline| match &pipeline.state {
+            CachedPipelineState::Ok(_) => None,
+            state => Some(format!("{} ({state:?})", label(&pipeline.descriptor))),
+        });
+        let waiting = waiting.collect::<Vec<_>>().join(", ");
+        StageError::NotReady(format!(
+            "after {} s these are still missing: {waiting}",
+            MAX_TIME.as_secs()
+        ))
+    }
+
+    /// Renders every level of every knob on offer once, so that all pipelines are compiled before
+    /// anything is metered.
+    ///
+    /// # Errors
+    /// When the renderer does not become ready.
+    pub fn warm(&mut self) -> Result<(), StageError> {
+        // The other knobs are at their cheapest, which is fast. A knob that depends on another is
+        // rendered with each of the other's levels, because a pipeline may be specific to a pair.
+        let space = Arc::clone(&self.space);
+        for (index, knob) in space.knobs().iter().enumerate() {
+            for base in space.cheapest_with(knob) {
+                for level in 0..knob.levels.len() {
+                    self.apply(base.with_level(index, level));
+                    self.frame();
+                    self.finish_pipelines()?;
+                }
+            }
+        }
+        self.apply(space.highest());
+        self.get_ready()
+    }
+}
+
+fn label(descriptor: &PipelineDescriptor) -> &str {
+    let label = match descriptor {
+        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.as_deref(),
+        PipelineDescriptor::ComputePipelineDescriptor(descriptor) => descriptor.label.as_deref(),
+    };
+    label.unwrap_or("a pipeline without a name")
+}

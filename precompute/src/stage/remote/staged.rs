@@ -1,0 +1,198 @@
+//! What is rendered: a scene file, or a level of an app.
+
+use std::cell::Cell;
+use std::ops::Deref;
+use std::path::Path;
+
+use bevy_frugal_gi::stage::StageOptions;
+use bevy_frugal_gi::stage::extract::{ExtractedScene, ExtractedSky};
+use frugal_core::frontier::SceneIdentity;
+use frugal_core::knobs::KnobSpace;
+use frugal_search::view_features::ViewDescriber;
+use frugal_trace::integrator::ReferenceScene;
+use frugal_trace::light::Sky;
+
+use super::connection::{Connection, Program, RemoteError};
+use super::process::StageProcess;
+use crate::scene::{
+    self, Camera, Environment, Geometry, LoadedScene, ReferenceError, SceneDescription, SceneError,
+};
+use crate::stage::{StageError, every_knob, useful_knobs};
+use crate::subject::view_describer;
+
+/// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
+/// that renders it. Dereferences to its scene. Says when it ends what of it is not shown or not
+/// path-traced.
+pub(crate) struct StagedScene {
+    /// As maps and files name it.
+    pub name: String,
+    /// As messages name it.
+    pub label: String,
+    /// What renders it.
+    pub program: Program,
+    /// Every knob of the program, opt-in ones included.
+    pub knobs: KnobSpace,
+    scene: LoadedScene,
+    /// Only of an app.
+    level: Option<Level>,
+}
+
+/// What only a level of an app has.
+struct Level {
+    fingerprint: String,
+    sky: ExtractedSky,
+    opt_in: Vec<String>,
+    /// The program that it came from, until that is taken.
+    running: Cell<Option<Connection>>,
+}
+
+impl Deref for StagedScene {
+    type Target = LoadedScene;
+
+    fn deref(&self) -> &LoadedScene {
+        &self.scene
+    }
+}
+
+impl Drop for StagedScene {
+    fn drop(&mut self) {
+        for gap in &self.scene.gaps {
+            eprintln!("warning: {}: {gap}", self.label);
+        }
+    }
+}
+
+impl StagedScene {
+    /// Loads a scene file.
+    ///
+    /// # Errors
+    /// When it or what it names cannot be used.
+    pub(crate) fn of_file(path: &Path) -> Result<Self, SceneError> {
+        let scene = scene::load(path)?;
+        let file = path
+            .file_name()
+            .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+        Ok(Self {
+            name: file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned),
+            label: path.display().to_string(),
+            program: Program::File(path.to_owned()),
+            knobs: every_knob().unwrap_or_default(),
+            scene,
+            level: None,
+        })
+    }
+
+    /// Starts an app, and waits for its level.
+    ///
+    /// # Errors
+    /// When it cannot be started, or has no level.
+    pub(crate) fn of_app(program: Program) -> Result<Self, RemoteError> {
+        let mut connection = Connection::open(&program, None)?;
+        let loaded = connection.load(true)?;
+        let extracted: ExtractedScene = postcard::from_bytes(&loaded.scene).map_err(|error| {
+            RemoteError::failed(format!("the app's scene cannot be read: {error}"))
+        })?;
+        let name = match &program {
+            Program::App { level: Some(level), .. } => format!("{}/{level}", connection.hello.app),
+            _ => connection.hello.app.clone(),
+        };
+        let ExtractedScene {
+            geometry,
+            lights,
+            sky,
+            exposure_ev100,
+            vertical_fov_degrees,
+            near,
+            far,
+            gaps,
+        } = extracted;
+        let description = SceneDescription {
+            lights,
+            exposure_ev100,
+            camera: Camera { vertical_fov: vertical_fov_degrees, near, far },
+            ..SceneDescription::new(Geometry::Procedural(String::new()))
+        };
+        let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
+        let sky_bytes = postcard::to_stdvec(&sky).map_err(RemoteError::failed)?;
+        let parts = [scene.fingerprint().map_err(RemoteError::usage)?.into_bytes(), sky_bytes];
+        let fingerprint = scene::fingerprint_of(&parts.concat());
+        scene.description.environment = match &sky {
+            ExtractedSky::Black => Environment::None,
+            ExtractedSky::Constant(radiance) => Environment::Constant(*radiance),
+            // Its texels are in `sky`.
+            ExtractedSky::Map(_, intensity) => Environment::Map(String::new(), *intensity),
+        };
+        let opt_in = loaded.opt_in;
+        let running = Cell::new(Some(connection));
+        Ok(Self {
+            label: name.clone(),
+            name,
+            program,
+            knobs: loaded.knobs,
+            scene,
+            level: Some(Level { fingerprint, sky, opt_in, running }),
+        })
+    }
+
+    /// Name and fingerprint.
+    ///
+    /// # Errors
+    /// When a file of the scene cannot be read.
+    pub(crate) fn identity(&self) -> Result<SceneIdentity, SceneError> {
+        let fingerprint = match &self.level {
+            Some(level) => level.fingerprint.clone(),
+            None => self.scene.fingerprint()?,
+        };
+        Ok(SceneIdentity { name: self.name.clone(), fingerprint })
+    }
+
+    /// The scene for the path tracer.
+    ///
+    /// # Errors
+    /// When the environment map cannot be read, or the geometry is broken.
+    pub(crate) fn reference(&self) -> Result<ReferenceScene, ReferenceError> {
+        let sky = match self.level.as_ref().map(|level| &level.sky) {
+            None => return self.scene.reference(),
+            Some(ExtractedSky::Black) => Sky::Black,
+            Some(ExtractedSky::Constant(radiance)) => Sky::constant(*radiance),
+            Some(ExtractedSky::Map(map, intensity)) => Sky::map(map.clone(), *intensity),
+        };
+        let (geometry, rays) = (self.scene.geometry.clone(), self.scene.rays.clone());
+        Ok(ReferenceScene::new(geometry, rays, &self.scene.lights, sky)?)
+    }
+
+    /// Describes its views; `None` where it cannot be path-traced.
+    pub(crate) fn view_describer(&self) -> Option<ViewDescriber> {
+        Some(view_describer(&self.scene, self.reference().ok()?))
+    }
+
+    /// Names of the knobs that can affect its images: an app's own among them.
+    ///
+    /// # Errors
+    /// Never, as long as the built-in knobs are valid.
+    pub(crate) fn useful_knobs(&self) -> Result<Vec<String>, StageError> {
+        let useful = useful_knobs(&self.scene)?;
+        let Some(level) = &self.level else { return Ok(useful) };
+        let built_in = every_knob()?;
+        let is_textured = !self.scene.geometry.textures.is_empty();
+        let is_useful = |name: &String| match name.as_str() {
+            // An app may ask for reflections, contact shadows or fog, and its textures may have mip
+            // levels.
+            "effects" => true,
+            "texture_detail" => is_textured,
+            _ => useful.contains(name) || built_in.index_of(name).is_none(),
+        };
+        let names = self.knobs.knobs().iter().map(|knob| knob.name.clone());
+        Ok(names.filter(|name| is_useful(name) && !level.opt_in.contains(name)).collect())
+    }
+
+    /// A process that renders it, for images whose power nobody reads.
+    pub(crate) fn process(&self, options: StageOptions) -> StageProcess {
+        StageProcess::new(self.program.clone(), options, None, None).with(self.take_running())
+    }
+
+    /// The program that the level came from, once.
+    pub(super) fn take_running(&self) -> Option<Connection> {
+        self.level.as_ref()?.running.take()
+    }
+}
