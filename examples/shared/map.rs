@@ -6,13 +6,13 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use bevy_frugal_gi::frontier::SceneIdentity;
 use bevy_frugal_gi::prelude::*;
-use frugal::scene::SceneDescription;
+use frugal::scene::LoadedScene;
 
 /// Reads the map at `path`.
 ///
 /// # Errors
 /// Why there is no map for `scene`, with the remedy, in lines of less than 80 characters or so.
-pub fn read_map(path: &Path, scene: &SceneDescription) -> Result<FrontierMap, String> {
+pub fn read_map(path: &Path, scene: &LoadedScene) -> Result<FrontierMap, String> {
     let file = path.display();
     let text = std::fs::read_to_string(path)
         .map_err(|error| format!("no map: {file}\n{error}\n`make demo` writes one"))?;

@@ -60,8 +60,8 @@ pub use frugal_core::units;
 /// | [`ErrorMeterPlugin`](error_meter::ErrorMeterPlugin) | measures errors on cameras with [`ErrorMeter`](error_meter::ErrorMeter) |
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
-/// The crate `bevy_frugal_gi_tools` has more for development: a HUD, a log of the controller, a camera
-/// recorder, and a scene exporter for `frugal`.
+/// The crate `bevy_frugal_gi_tools` has more for development: a HUD, a log of the controller, and a
+/// camera recorder.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 

@@ -76,19 +76,6 @@ mod using_error_meter {
 }
 
 // docs/using.md
-mod using_export {
-    fn sample() {
-        use bevy::prelude::*;
-        use bevy_frugal_gi::prelude::*;
-        use bevy_frugal_gi_tools::SceneExportPlugin;
-
-        App::new()
-            .add_plugins((DefaultPlugins, FrugalGiPlugins, SceneExportPlugin::new("my.scene.ron")))
-            .run();
-    }
-}
-
-// docs/using.md
 mod using_stage {
     fn sample() {
         use bevy::prelude::*;

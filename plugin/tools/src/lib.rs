@@ -6,7 +6,6 @@
 //! | [`HudPlugin`] | shows what the controller does, over the image |
 //! | [`ControlLogPlugin`] | writes what the controller does to a file |
 //! | [`CameraRecorderPlugin`] | records camera paths for `frugal precompute --cameras` |
-//! | [`SceneExportPlugin`] | writes the app's scene for `frugal` |
 //!
 //! They read an app and change nothing of it. None is part of
 //! [`FrugalGiPlugins`](bevy_frugal_gi::FrugalGiPlugins).
@@ -15,11 +14,9 @@ pub mod control_log;
 pub mod hud;
 pub mod recording;
 pub mod row_log;
-pub mod scene_export;
 #[cfg(test)]
 mod testing;
 
 pub use control_log::ControlLogPlugin;
 pub use hud::{HudPart, HudPlugin, HudSettings, HudWipe};
 pub use recording::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
-pub use scene_export::{ExportScene, SceneExportPlugin};

@@ -11,10 +11,6 @@
 /// The names that [`glb`] knows.
 pub(super) const NAMES: [&str; 5] = ["cornell", "courtyard", "two_rooms", "furnace", "hall"];
 
-/// Revision of the scenes: must be raised whenever a file changes an image, so that older maps are
-/// not taken for maps of the new scene.
-pub(super) const REVISION: u32 = 1;
-
 /// The glTF file of the scene called `name`; `None` for a name that is not in [`NAMES`].
 pub(super) fn glb(name: &str) -> Option<&'static [u8]> {
     Some(match name {

@@ -1,9 +1,12 @@
 //! A machine-independent hash of a scene.
 
 use frugal_trace::light::Light;
+use frugal_trace::scene::{
+    AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture, Texels, TextureUse,
+};
 use glam::Vec3;
 
-use super::description::{Camera, Environment, Geometry, SceneDescription};
+use super::description::{Camera, Environment, SceneDescription};
 
 /// Fingerprint of a scene that is not a file, in bytes.
 pub(crate) fn fingerprint_of(scene: &[u8]) -> String {
@@ -53,10 +56,11 @@ impl Fingerprint {
     /// Hashes the parts of a description that affect the scene's appearance or its camera space.
     /// Destructured in full, so that a new field cannot be forgotten. Paths are left out, because a
     /// frontier map is valid for every path through its bounds, and a new tour must not need a new
-    /// precomputation; the file's location is left out too.
+    /// precomputation; the file's location is left out too, and so is the geometry's, whose content
+    /// [`geometry`](Self::geometry) hashes.
     pub(super) fn description(&mut self, description: &SceneDescription) -> &mut Self {
         let SceneDescription {
-            geometry,
+            geometry: _,
             lights,
             environment,
             exposure_ev100,
@@ -65,11 +69,6 @@ impl Fingerprint {
             paths: _,
             source: _,
         } = description;
-        match geometry {
-            // The file's content is hashed, not its name.
-            Geometry::Gltf(_) => self.bytes(b"gltf"),
-            Geometry::Procedural(name) => self.bytes(b"procedural").bytes(name.as_bytes()),
-        };
         for light in lights {
             match *light {
                 Light::Directional { direction, illuminance, color } => self
@@ -110,6 +109,95 @@ impl Fingerprint {
             Some(bounds) => self.bytes(b"bounds").vector(bounds.min).vector(bounds.max),
         }
     }
+
+    /// Hashes geometry: each mesh with its material and textures, in whatever order they are.
+    /// Destructured in full, so that a new field cannot be forgotten.
+    pub(super) fn geometry(&mut self, geometry: &SceneGeometry) -> &mut Self {
+        let SceneGeometry { meshes, materials, textures } = geometry;
+        let textures: Vec<u128> = textures.iter().map(|each| Self::new().texture(each).0).collect();
+        let materials: Vec<u128> =
+            materials.iter().map(|each| Self::new().material(each, &textures).0).collect();
+        let mut meshes: Vec<u128> =
+            meshes.iter().map(|each| Self::new().mesh(each, &materials).0).collect();
+        meshes.sort_unstable();
+        self.bytes(b"geometry");
+        for mesh in meshes {
+            self.raw(&mesh.to_le_bytes());
+        }
+        self
+    }
+
+    fn mesh(&mut self, mesh: &SceneMesh, materials: &[u128]) -> &mut Self {
+        let SceneMesh { positions, normals, uvs, second_uvs, colors, indices, material } = mesh;
+        self.raw(&materials.get(*material).copied().unwrap_or_default().to_le_bytes());
+        for (vectors, name) in [(positions, "positions"), (normals, "normals")] {
+            self.bytes(name.as_bytes());
+            vectors.iter().for_each(|vector| {
+                self.vector(*vector);
+            });
+        }
+        for (pairs, name) in [(uvs, "uvs"), (second_uvs, "second")] {
+            self.bytes(name.as_bytes());
+            pairs.iter().for_each(|pair| {
+                self.numbers(pair.to_array());
+            });
+        }
+        self.bytes(b"colors");
+        colors.iter().for_each(|color| {
+            self.numbers(*color);
+        });
+        self.bytes(b"indices");
+        indices.iter().for_each(|index| {
+            self.raw(&index.to_le_bytes());
+        });
+        self
+    }
+
+    fn material(&mut self, material: &SceneMaterial, textures: &[u128]) -> &mut Self {
+        let SceneMaterial {
+            base_color,
+            perceptual_roughness,
+            metallic,
+            reflectance,
+            emissive,
+            alpha,
+            double_sided,
+            base_color_texture,
+            metallic_roughness_texture,
+            emissive_texture,
+        } = material;
+        self.numbers(*base_color).numbers([*perceptual_roughness, *metallic, *reflectance]);
+        self.numbers(*emissive).raw(&[u8::from(*double_sided)]);
+        match alpha {
+            AlphaMode::Opaque => self.bytes(b"opaque"),
+            AlphaMode::Mask(cutoff) => self.bytes(b"mask").numbers([*cutoff]),
+        };
+        for texture in [base_color_texture, metallic_roughness_texture, emissive_texture] {
+            let Some(TextureUse { texture, second_uvs, transform }) = texture else {
+                self.bytes(b"no texture");
+                continue;
+            };
+            self.raw(&textures.get(*texture).copied().unwrap_or_default().to_le_bytes());
+            self.raw(&[u8::from(*second_uvs)]).numbers(transform.to_cols_array());
+        }
+        self
+    }
+
+    fn texture(&mut self, texture: &SceneTexture) -> &mut Self {
+        let SceneTexture { width, height, texels, wrap, filter } = texture;
+        self.bytes(format!("{width}x{height} {wrap:?} {filter:?}").as_bytes());
+        match texels {
+            Texels::Srgb(texels) => self.bytes(b"srgb").bytes(texels.as_flattened()),
+            Texels::Linear(texels) => self.bytes(b"linear").bytes(texels.as_flattened()),
+            Texels::Float(texels) => {
+                self.bytes(b"float");
+                texels.iter().for_each(|texel| {
+                    self.numbers(*texel);
+                });
+                self
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -136,5 +224,34 @@ mod tests {
             Fingerprint::new().numbers([0.0]).digits(),
             Fingerprint::new().numbers([-0.0]).digits()
         );
+    }
+
+    #[test]
+    fn geometry_counts_in_any_order() {
+        let triangle = |x: f32, material| SceneMesh {
+            positions: vec![Vec3::X * x, Vec3::Y, Vec3::Z],
+            normals: vec![Vec3::Z; 3],
+            indices: vec![0, 1, 2],
+            material,
+            ..SceneMesh::default()
+        };
+        let glossy = SceneMaterial { perceptual_roughness: 0.2, ..SceneMaterial::default() };
+        let geometry = |meshes: Vec<SceneMesh>, materials: Vec<SceneMaterial>| SceneGeometry {
+            meshes,
+            materials,
+            textures: Vec::new(),
+        };
+        let digits = |geometry: &SceneGeometry| Fingerprint::new().geometry(geometry).digits();
+        let plain = SceneMaterial::default();
+        let one =
+            geometry(vec![triangle(1.0, 0), triangle(2.0, 1)], vec![plain.clone(), glossy.clone()]);
+        let other = geometry(vec![triangle(2.0, 0), triangle(1.0, 1)], vec![glossy, plain]);
+        assert_eq!(digits(&one), digits(&other));
+        let mut changed = one.clone();
+        changed.materials[1].metallic = 1e-6;
+        assert_ne!(digits(&one), digits(&changed));
+        let mut changed = one.clone();
+        changed.meshes[0].positions[2].x = 1e-9;
+        assert_ne!(digits(&one), digits(&changed));
     }
 }

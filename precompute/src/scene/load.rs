@@ -9,9 +9,8 @@ use ron::extensions::Extensions;
 use thiserror::Error;
 
 use super::check::{self, Problem};
-use super::description::{Environment, Geometry, SceneDescription};
-use super::fingerprint::Fingerprint;
-use super::{built_in, gltf, locate};
+use super::description::{Environment, SceneDescription};
+use super::{geometry, locate};
 
 /// Why a scene cannot be used.
 #[derive(Debug, Error)]
@@ -51,16 +50,16 @@ pub enum SceneError {
 /// [`SceneError`], which names file, line, column, field, problem and remedy.
 pub(super) fn load_with_geometry(
     path: &Path,
-) -> Result<(SceneDescription, SceneGeometry), SceneError> {
+) -> Result<(SceneDescription, SceneGeometry, Vec<String>), SceneError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| SceneError::Unreadable { file: path.to_path_buf(), source })?;
     let description = parse(&text, path)?;
     let at_field = |problem| locate_problem(&text, path, problem);
-    let geometry = description.read_geometry().map_err(at_field)?;
+    let (geometry, gaps) = geometry::read(&description).map_err(at_field)?;
     if let Environment::Map(name, _) = &description.environment {
         read_environment(&description, name).map_err(at_field)?;
     }
-    Ok((description, geometry))
+    Ok((description, geometry, gaps))
 }
 
 /// Reads a description from `text` and checks it, but not the files that it names; `path` is named
@@ -78,78 +77,39 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneEr
 }
 
 impl SceneDescription {
-    /// Reads the scene's geometry, merged to as few materials as possible.
+    /// Reads the scene's geometry; also what of its file is not represented, as sentences.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
-    pub(super) fn geometry(&self) -> Result<SceneGeometry, SceneError> {
-        self.read_geometry().map_err(|problem| self.locate(problem))
+    /// [`SceneError::Invalid`] at the geometry's field, when its file cannot be used.
+    pub(super) fn geometry(&self) -> Result<(SceneGeometry, Vec<String>), SceneError> {
+        geometry::read(self).map_err(|problem| self.locate(problem))
     }
 
-    /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with
-    /// every change of the scene's images or camera space: the values of this description (but not
-    /// its paths, its layout or its name), the bytes of the files that it names, the revision of a
-    /// scene that comes with the tool. Images beside a `.gltf` are not included; those in a `.glb` are.
+    /// The number of the scene in the geometry's file.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`] at the field whose file cannot be read.
-    pub fn fingerprint(&self) -> Result<String, SceneError> {
-        let mut fingerprint = Fingerprint::new();
-        fingerprint.description(self);
-        match &self.geometry {
-            Geometry::Gltf(name) => {
-                let path = self.resolve(name);
-                let unreadable =
-                    |source| gltf::GltfError::Unreadable { file: path.clone(), source };
-                let contents = std::fs::read(&path).map_err(unreadable).and_then(|bytes| {
-                    let buffers = gltf::buffer_contents(&bytes, &path)?;
-                    Ok((bytes, buffers))
-                });
-                let (bytes, buffers) =
-                    contents.map_err(|error| self.locate(geometry_problem(name, &error)))?;
-                fingerprint.bytes(&bytes);
-                buffers.iter().for_each(|buffer| {
-                    fingerprint.bytes(buffer);
-                });
-            }
-            Geometry::Procedural(_) => {
-                fingerprint.bytes(&built_in::REVISION.to_le_bytes());
-            }
-        }
-        if let Environment::Map(name, _) = &self.environment {
-            fingerprint
-                .bytes(&read_environment(self, name).map_err(|problem| self.locate(problem))?);
-        }
-        Ok(fingerprint.digits())
+    /// As [`geometry`](Self::geometry).
+    pub(crate) fn scene_number(&self) -> Result<usize, SceneError> {
+        geometry::scene_number(self).map_err(|problem| self.locate(problem))
     }
 
-    fn read_geometry(&self) -> Result<SceneGeometry, Problem> {
-        let (name, read) = match &self.geometry {
-            Geometry::Gltf(name) => (name, gltf::load(&self.resolve(name))),
-            Geometry::Procedural(name) => {
-                let bytes = built_in::glb(name).ok_or_else(|| check::no_such_scene(name))?;
-                (name, gltf::parse(bytes, Path::new(name)))
+    /// The bytes of the environment map; none without one.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at its field.
+    pub(super) fn environment_bytes(&self) -> Result<Vec<u8>, SceneError> {
+        match &self.environment {
+            Environment::Map(name, _) => {
+                read_environment(self, name).map_err(|problem| self.locate(problem))
             }
-        };
-        read.map(SceneGeometry::merge).map_err(|error| geometry_problem(name, &error))
+            _ => Ok(Vec::new()),
+        }
     }
 
     /// The error's location in the description's file; line 1 if that file is missing.
     fn locate(&self, problem: Problem) -> SceneError {
         let text = std::fs::read_to_string(&self.source).unwrap_or_default();
         locate_problem(&text, &self.source, problem)
-    }
-}
-
-fn geometry_problem(name: &str, error: &gltf::GltfError) -> Problem {
-    let remedy = match error {
-        gltf::GltfError::Unreadable { .. } => "give a file relative to the description",
-        _ => "give a valid .glb or .gltf file",
-    };
-    Problem {
-        field: "geometry[0]".into(),
-        problem: format!("\"{name}\" cannot be used: {error}"),
-        remedy: remedy.into(),
     }
 }
 

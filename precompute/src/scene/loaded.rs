@@ -12,6 +12,7 @@ use frugal_trace::scene::{
 use glam::{UVec2, Vec3};
 
 use super::description::{Environment, SceneDescription};
+use super::fingerprint::Fingerprint;
 use super::load::{SceneError, load_with_geometry};
 
 /// Default margin of the camera bounds, as a share of the geometry's extent at each side: walls are
@@ -36,8 +37,10 @@ pub enum ReferenceError {
 pub struct LoadedScene {
     /// The description.
     pub description: SceneDescription,
-    /// Its geometry, merged to as few materials as possible.
+    /// Its geometry, as Bevy shows it.
     pub geometry: Arc<SceneGeometry>,
+    /// What of the geometry's file is not represented, or not as Bevy shows it, as sentences.
+    pub gaps: Vec<String>,
     /// The geometry's triangles, for ray queries.
     pub rays: Arc<RayScene>,
 }
@@ -55,8 +58,8 @@ impl Deref for LoadedScene {
 /// # Errors
 /// [`SceneError`], which names file, line, column, field, problem and remedy.
 pub fn load(path: impl AsRef<Path>) -> Result<LoadedScene, SceneError> {
-    let (description, geometry) = load_with_geometry(path.as_ref())?;
-    Ok(LoadedScene::with_geometry(description, geometry))
+    let (description, geometry, gaps) = load_with_geometry(path.as_ref())?;
+    Ok(LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) })
 }
 
 impl LoadedScene {
@@ -65,14 +68,27 @@ impl LoadedScene {
     /// # Errors
     /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
     pub fn new(description: SceneDescription) -> Result<Self, SceneError> {
-        let geometry = description.geometry()?;
-        Ok(Self::with_geometry(description, geometry))
+        let (geometry, gaps) = description.geometry()?;
+        Ok(Self { gaps, ..Self::with_geometry(description, geometry) })
     }
 
     /// A description with `geometry` in place of its own.
     pub fn with_geometry(description: SceneDescription, geometry: SceneGeometry) -> Self {
         let rays = RayScene::from_geometry(&geometry).into();
-        Self { description, geometry: geometry.into(), rays }
+        Self { description, geometry: geometry.into(), gaps: Vec::new(), rays }
+    }
+
+    /// The scene's identity: 32 hexadecimal digits that change with every change of the scene's
+    /// images or camera space: its triangles, materials and textures, in any order, and the values
+    /// of its description, but not its paths, its layout or its name. The same on every machine.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the environment whose file cannot be read.
+    pub fn fingerprint(&self) -> Result<String, SceneError> {
+        let mut fingerprint = Fingerprint::new();
+        fingerprint.description(&self.description).geometry(&self.geometry);
+        fingerprint.bytes(&self.description.environment_bytes()?);
+        Ok(fingerprint.digits())
     }
 
     /// The camera space: the description's bounds, else the geometry's bounding box minus a tenth

@@ -1,10 +1,12 @@
-//! Scenes: description file, geometry from files, and camera paths. Plain Rust, without the renderer.
+//! Scenes: description file, geometry by Bevy's glTF loader, and camera paths. Nothing here renders.
 //!
 //! | module | job |
 //! |---|---|
 //! | `description` | contents of a `*.scene.ron` file |
 //! | `path` | camera paths between keys |
-//! | `gltf`, `gltf_buffers` | geometry from a `.glb` or `.gltf` file |
+//! | `document` | what Bevy's loader does not read of a glTF file |
+//! | `spawn` | a description's geometry in an app |
+//! | `geometry` | the same as plain data |
 //! | `built_in` | the scenes that come with the tool |
 //! | `check`, `locate` | rules of a description; line and column of a field |
 //! | `fingerprint` | a scene's identity |
@@ -13,16 +15,18 @@
 mod built_in;
 mod check;
 mod description;
+mod document;
 mod fingerprint;
-mod gltf;
-mod gltf_buffers;
+mod geometry;
 mod load;
 mod loaded;
 mod locate;
 mod path;
+mod spawn;
 
 pub use description::{Camera, Environment, Geometry, SceneDescription};
 pub(crate) use fingerprint::fingerprint_of;
 pub use load::SceneError;
 pub use loaded::{LoadedScene, ReferenceError, load};
 pub use path::{CameraKey, CameraPath};
+pub(crate) use spawn::{Emission, SpawnedGeometry, spawn};

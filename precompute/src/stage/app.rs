@@ -1,7 +1,10 @@
 //! The app of a scene file.
 
+use std::time::Duration;
+
 use bevy::DefaultPlugins;
-use bevy::app::{App, PluginGroup, Startup, TerminalCtrlCHandlerPlugin};
+use bevy::app::{App, Last, PluginGroup, Startup, TerminalCtrlCHandlerPlugin};
+use bevy::asset::{AssetPlugin, UnapprovedPathMode};
 use bevy::ecs::world::World;
 use bevy::log::LogPlugin;
 use bevy::render::RenderPlugin;
@@ -17,7 +20,10 @@ use bevy_frugal_gi::stage::protocol::LEVEL_VARIABLE;
 use bevy_frugal_gi::stage::{Stage, StageError, StageOptions, StagePlugin, StageReady};
 
 use super::world;
-use crate::scene::{self, LoadedScene};
+use crate::scene::{self, LoadedScene, SpawnedGeometry};
+
+/// Pause between frames while geometry loads.
+const YIELD: Duration = Duration::from_millis(5);
 
 /// Stages `scene`, and waits for the first finished frame.
 ///
@@ -46,13 +52,20 @@ pub fn open_with(
     app.finish();
     app.cleanup();
     let camera = world::spawn(app.world_mut(), scene)?;
-    Stage::new(app, camera, options)
+    loop {
+        app.update();
+        if let Some(spawned) = spawned(app.world()) {
+            spawned.map_err(StageError::Level)?;
+            return Stage::new(app, camera, options);
+        }
+        std::thread::sleep(YIELD);
+    }
 }
 
 /// The program of the hidden command that renders a scene file for the tool.
 pub(crate) fn serve() {
     let mut app = headless();
-    app.add_plugins(StagePlugin).add_systems(Startup, spawn_level);
+    app.add_plugins(StagePlugin).add_systems(Startup, spawn_level).add_systems(Last, say_ready);
     app.run();
 }
 
@@ -63,7 +76,22 @@ fn spawn_level(world: &mut World) {
     let spawned = scene::load(file).map_err(|error| error.to_string()).and_then(|scene| {
         world::spawn(world, &scene).map(|_| ()).map_err(|error| error.to_string())
     });
-    world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::Ready));
+    world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::NotYet));
+}
+
+/// Once the scene file's geometry has loaded.
+fn say_ready(world: &mut World) {
+    if world.get_resource::<StageReady>() == Some(&StageReady::NotYet)
+        && let Some(spawned) = spawned(world)
+    {
+        world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::Ready));
+    }
+}
+
+/// Whether the scene's geometry is there, or why it cannot be; `None` while it loads.
+fn spawned(world: &World) -> Option<Result<(), String>> {
+    let spawned = world.get_resource::<SpawnedGeometry>().filter(|spawned| spawned.is_complete)?;
+    Some(spawned.failures.first().map_or(Ok(()), |failure| Err(failure.clone())))
 }
 
 /// An app without window, log, signal handler and user interface, whose pipelines compile when they
@@ -72,6 +100,11 @@ fn headless() -> App {
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins
+            .set(AssetPlugin {
+                // A scene's files may be anywhere.
+                unapproved_path_mode: UnapprovedPathMode::Allow,
+                ..Default::default()
+            })
             .set(WindowPlugin {
                 primary_window: None,
                 exit_condition: ExitCondition::DontExit,

@@ -84,7 +84,7 @@ fn add_cube(world: &mut World, cube: &Cube, unit: f32) -> Handle<Image> {
         size,
         TextureDimension::D2,
         TextureFormat::Rgba16Float,
-        RenderAssetUsages::RENDER_WORLD,
+        RenderAssetUsages::all(),
     );
     image.texture_descriptor.mip_level_count = cube.levels;
     let halves = cube

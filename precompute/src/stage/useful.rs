@@ -17,8 +17,6 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
     let geometry = &scene.geometry;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
-    let has_texture =
-        geometry.materials.iter().any(|material| material.base_color_texture.is_some());
     let has_environment = match &scene.environment {
         Environment::None => false,
         Environment::Constant(radiance) => *radiance != [0.0; 3],
@@ -44,7 +42,8 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
         "gi_environment_samples" => has_environment,
         name if name.starts_with("gi_") => has_light || has_emissive || has_environment,
         "shadow_cascades" => has_sun,
-        "texture_detail" => has_texture,
+        // Bevy's loader makes no mip levels.
+        "texture_detail" => false,
         // Beside environment light it dims only indirect light without rays.
         "ambient_occlusion" => has_environment,
         _ => true,

@@ -1,7 +1,6 @@
 //! Spawns a scene's geometry, lights, sky and camera in an app.
 
 use bevy::anti_alias::smaa::Smaa;
-use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::{
     Camera, Camera3d, ClearColorConfig, Exposure, PerspectiveProjection, Projection,
 };
@@ -9,38 +8,36 @@ use bevy::color::{Color, LinearRgba};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::world::World;
-use bevy::image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::light::{
     CascadeShadowConfigBuilder, DirectionalLight, GlobalAmbientLight, PointLight, SpotLight,
 };
-use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology};
-use bevy::pbr::{MeshMaterial3d, ScreenSpaceAmbientOcclusion, StandardMaterial};
+use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
-use bevy::prelude::AlphaMode;
-use bevy::render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::FrugalGi;
 use frugal_trace::light::Light;
-use frugal_trace::scene::{SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
 use glam::Vec3;
 
 use super::{StageError, environment};
-use crate::scene::{Environment, LoadedScene};
+use crate::scene::{Emission, Environment, LoadedScene, spawn as spawn_geometry};
 
 /// Sets up `scene` for `camera`: spawns its geometry and lights, sets the app's environment light,
 /// and gives the camera the scene's lens, exposure and background. The camera's other components,
 /// including its transform, are unchanged.
 ///
-/// `camera` must be a `Camera3d`, and the world that of an app with Bevy's 3D renderer.
+/// The geometry loads in the background. `camera` must be a `Camera3d`, and the world that of an app
+/// with Bevy's 3D renderer; it opens files outside its own folder if its `AssetPlugin` allows
+/// unapproved paths.
 ///
 /// # Errors
-/// When the environment map cannot be read. The rest of the scene has been spawned by then.
+/// When the geometry's file or the environment map cannot be read.
 pub fn populate(world: &mut World, scene: &LoadedScene, camera: Entity) -> Result<(), StageError> {
     let geometry = &scene.geometry;
     let reach =
         geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
     let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
-    spawn_geometry(world, geometry, exposure);
+    let number = scene.scene_number().map_err(|error| StageError::Level(error.to_string()))?;
+    spawn_geometry(world, scene, number, Emission::Exposed(exposure));
     for light in &scene.lights {
         spawn_light(world, light, reach);
     }
@@ -85,91 +82,6 @@ pub(super) fn spawn(world: &mut World, scene: &LoadedScene) -> Result<Entity, St
     let camera = camera.id();
     populate(world, scene, camera)?;
     Ok(camera)
-}
-
-fn spawn_geometry(world: &mut World, geometry: &SceneGeometry, exposure: f32) {
-    let textures: Vec<Handle<Image>> = geometry
-        .textures
-        .iter()
-        .map(|texture| world.resource_mut::<Assets<Image>>().add(image(texture)))
-        .collect();
-    let materials: Vec<_> = geometry
-        .materials
-        .iter()
-        .map(|material| {
-            world
-                .resource_mut::<Assets<StandardMaterial>>()
-                .add(standard_material(material, &textures, exposure))
-        })
-        .collect();
-    for mesh in &geometry.meshes {
-        let Some(material) = materials.get(mesh.material).cloned() else { continue };
-        let textured = geometry.materials[mesh.material].base_color_texture.is_some();
-        let handle = world.resource_mut::<Assets<Mesh>>().add(bevy_mesh(mesh, textured));
-        world.spawn((Mesh3d(handle), MeshMaterial3d(material), Transform::default()));
-    }
-}
-
-/// Leaves out texture coordinates of untextured materials: with them, the shader branches on a
-/// uniform for every possible texture, and software Vulkan drivers recompile it in every frame.
-fn bevy_mesh(mesh: &SceneMesh, textured: bool) -> Mesh {
-    let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
-    let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
-    let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
-    let uvs: Vec<[f32; 2]> = mesh.uvs.iter().map(|uv| uv.to_array()).collect();
-    let bare = Mesh::new(PrimitiveTopology::TriangleList, usage)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, mesh.colors.clone())
-        .with_inserted_indices(Indices::U32(mesh.indices.clone()));
-    if textured { bare.with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs) } else { bare }
-}
-
-fn standard_material(
-    material: &SceneMaterial,
-    textures: &[Handle<Image>],
-    exposure: f32,
-) -> StandardMaterial {
-    let [red, green, blue, alpha] = material.base_color;
-    // Bevy 0.19's G-buffer does not store the exposure weight of emission: nits are exposed here.
-    let emissive = material.emissive.map(|nits| nits * exposure);
-    StandardMaterial {
-        base_color: Color::LinearRgba(LinearRgba::new(red, green, blue, alpha)),
-        base_color_texture: material
-            .base_color_texture
-            .and_then(|index| textures.get(index).cloned()),
-        perceptual_roughness: material.perceptual_roughness,
-        metallic: material.metallic,
-        reflectance: material.reflectance,
-        emissive: LinearRgba::rgb(emissive[0], emissive[1], emissive[2]),
-        emissive_exposure_weight: 0.0,
-        alpha_mode: match material.alpha {
-            frugal_trace::scene::AlphaMode::Opaque => AlphaMode::Opaque,
-            frugal_trace::scene::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff),
-        },
-        double_sided: material.double_sided,
-        cull_mode: (!material.double_sided).then_some(Face::Back),
-        ..Default::default()
-    }
-}
-
-fn image(texture: &SceneTexture) -> Image {
-    let size = Extent3d { width: texture.width, height: texture.height, depth_or_array_layers: 1 };
-    let mut image = Image::new_uninit(
-        size,
-        TextureDimension::D2,
-        TextureFormat::Rgba8UnormSrgb,
-        RenderAssetUsages::all(),
-    );
-    image.texture_descriptor.mip_level_count = texture.mips.len() as u32;
-    image.data = Some(texture.mips.concat());
-    image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {
-        address_mode_u: ImageAddressMode::Repeat,
-        address_mode_v: ImageAddressMode::Repeat,
-        mipmap_filter: ImageFilterMode::Linear,
-        ..ImageSamplerDescriptor::linear()
-    });
-    image
 }
 
 fn linear([red, green, blue]: [f32; 3]) -> Color {

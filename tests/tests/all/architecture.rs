@@ -61,7 +61,7 @@ const PLUGIN: &[&str] = &[
 ];
 
 /// The parts of the development tools.
-const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "scene_export", "hud"];
+const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "hud"];
 
 /// The tool's parts.
 const TOOL: &[&str] = &[

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use bevy::anti_alias::fxaa::Fxaa;
 use bevy::anti_alias::smaa::{Smaa, SmaaPreset};
+use bevy::asset::Assets;
 use bevy::ecs::query::With;
+use bevy::image::Image;
 use bevy::light::{
     CascadeShadowConfig, DirectionalLight, DirectionalLightShadowMap, PointLightShadowMap,
 };
@@ -12,6 +14,7 @@ use bevy::math::{UVec2, Vec3};
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel};
 use bevy::post_process::bloom::Bloom;
 use bevy::render::camera::MipBias;
+use bevy::render::render_resource::TextureFormat;
 use bevy_frugal_gi::gi::{FrugalGi, RsmView};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobLevels};
 use bevy_frugal_gi::resolution::ResolutionScale;
@@ -33,8 +36,54 @@ fn stage() -> Stage {
     let mut scene = set::scene("courtyard");
     scene.environment = Environment::Constant([900.0; 3]);
     let mut stage = set::open(&scene, set::options(SIZE.x, SIZE.y));
+    add_mip_levels(&mut stage);
     set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
     stage
+}
+
+/// Gives the scene's textures the mip levels that Bevy's loader does not make, and `texture_detail`
+/// works by.
+fn add_mip_levels(stage: &mut Stage) {
+    let mut images = stage.world_mut().resource_mut::<Assets<Image>>();
+    let textures: Vec<_> = images
+        .iter()
+        .filter(|(_, image)| {
+            image.texture_descriptor.format == TextureFormat::Rgba8UnormSrgb
+                && image.texture_descriptor.mip_level_count == 1
+                && image.data.as_ref().is_some_and(|data| data.len() > 4)
+        })
+        .map(|(id, _)| id)
+        .collect();
+    assert!(!textures.is_empty(), "the scene is textured");
+    for id in textures {
+        let Some(mut image) = images.get_mut(id) else { continue };
+        let (mut width, mut height) = (image.width() as usize, image.height() as usize);
+        let mut level = image.data.clone().expect("texels");
+        let mut data = level.clone();
+        let mut levels = 1;
+        while width > 1 && height > 1 {
+            let texel = |x: usize, y: usize, channel: usize| {
+                u32::from(level[(y * width + x) * 4 + channel])
+            };
+            let (half_width, half_height) = (width / 2, height / 2);
+            let mut next = Vec::with_capacity(half_width * half_height * 4);
+            for (y, x) in (0..half_height).flat_map(|y| (0..half_width).map(move |x| (y, x))) {
+                for channel in 0..4 {
+                    let (x, y) = (2 * x, 2 * y);
+                    let sum = texel(x, y, channel)
+                        + texel(x + 1, y, channel)
+                        + texel(x, y + 1, channel)
+                        + texel(x + 1, y + 1, channel);
+                    next.push((sum / 4) as u8);
+                }
+            }
+            (level, width, height, levels) = (next, half_width, half_height, levels + 1);
+            data.extend(&level);
+        }
+        image.data = Some(data);
+        image.texture_descriptor.mip_level_count = levels;
+    }
+    stage.get_ready().expect("a ready stage");
 }
 
 fn render(stage: &mut Stage) -> Picture {

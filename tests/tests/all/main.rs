@@ -32,7 +32,6 @@ mod naive;
 mod refresh;
 mod resolution;
 mod sampling;
-mod scene_export;
 mod shaders;
 mod stability;
 mod viewports;
@@ -84,7 +83,6 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("refresh", refresh::TESTS, true),
     ("resolution", resolution::TESTS, true),
     ("sampling", sampling::TESTS, true),
-    ("scene_export", scene_export::TESTS, true),
     ("shaders", shaders::TESTS, false),
     ("stability", stability::TESTS, true),
     ("viewports", viewports::TESTS, true),

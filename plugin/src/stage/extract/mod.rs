@@ -1,60 +1,67 @@
-//! What the path tracer and cameras in free space need of an app's world.
+//! What an app shows, as plain data for path tracing and ray queries.
+//!
+//! | module | job |
+//! |---|---|
+//! | `surface` | meshes where they are drawn, with their materials |
+//! | `vertices` | a mesh's vertices, morphed, skinned and placed |
+//! | `material` | `StandardMaterial` |
+//! | `texture` | images as a shader reads them |
+//! | `light`, `sky` | lights; environment light and background |
+//! | `scene` | the plain data |
+//! | `gaps` | what cannot be represented, counted |
 
+mod gaps;
+mod light;
+mod material;
+mod scene;
+mod sky;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod vertices;
+
+use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Exposure, Projection};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::world::World;
-use frugal_trace::light::Light;
-use frugal_trace::scene::{SceneGeometry, SkyMap};
-use serde::{Deserialize, Serialize};
+use gaps::Gaps;
+pub use scene::{ExtractedScene, ExtractedSky};
 
-/// A scene as a path tracer needs it, out of an app's world.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ExtractedScene {
-    /// Triangles, materials and textures.
-    pub geometry: SceneGeometry,
-    /// Punctual lights.
-    pub lights: Vec<Light>,
-    /// Light of what surrounds it.
-    pub sky: ExtractedSky,
-    /// Exposure value at ISO 100 of the camera.
-    pub exposure_ev100: f32,
-    /// The camera's vertical field of view, degrees.
-    pub vertical_fov_degrees: f32,
-    /// Distance of the camera's near plane, metres.
-    pub near: f32,
-    /// Distance of the camera's far plane, metres.
-    pub far: f32,
-    /// What this cannot represent, as sentences.
-    pub gaps: Vec<String>,
-}
+/// A lens without a perspective camera, as Bevy's default: degrees and metres.
+const LENS: (f32, f32, f32) = (45.0, 0.1, 1000.0);
 
-/// The sky of an extracted scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum ExtractedSky {
-    /// None.
-    Black,
-    /// The same luminance in every direction, linear RGB, nits.
-    Constant([f32; 3]),
-    /// A map, and the nits that its value 1 stands for.
-    Map(SkyMap, f32),
-}
-
-/// The scene that `camera` sees.
+/// Extracts what the main `world` shows to `camera`: its layers, lens, exposure and sky, or Bevy's
+/// defaults without one. Transforms and visibility must be up to date, as after an update.
+///
+/// A scene is data, and not shaders: what it cannot hold is in [`gaps`](ExtractedScene::gaps).
 pub fn extract(world: &mut World, camera: Option<Entity>) -> ExtractedScene {
-    let lens = camera.and_then(|camera| world.get::<Projection>(camera));
-    let (fov, near, far) = match lens {
+    let mut gaps = Gaps::default();
+    let exposure =
+        camera.and_then(|camera| world.get::<Exposure>(camera)).copied().unwrap_or_default();
+    let layers =
+        camera.and_then(|camera| world.get::<RenderLayers>(camera)).cloned().unwrap_or_default();
+    let (vertical_fov_degrees, near, far) = match camera
+        .and_then(|camera| world.get::<Projection>(camera))
+    {
         Some(Projection::Perspective(lens)) => (lens.fov.to_degrees(), lens.near, lens.far),
-        _ => (60.0, 0.1, 200.0),
+        Some(_) => {
+            gaps.add("a camera without perspective is traced with Bevy's default lens", "camera");
+            LENS
+        }
+        None => LENS,
     };
-    let exposure = camera.and_then(|camera| world.get::<Exposure>(camera)).copied();
+    let geometry = surface::geometry(world, &layers, exposure.exposure(), &mut gaps);
+    let lights = light::lights(world, &layers, &mut gaps);
+    let sky = sky::sky(world, camera, &mut gaps);
     ExtractedScene {
-        geometry: SceneGeometry::default(),
-        lights: Vec::new(),
-        sky: ExtractedSky::Black,
-        exposure_ev100: exposure.unwrap_or_default().ev100,
-        vertical_fov_degrees: fov,
+        geometry,
+        lights,
+        sky,
+        exposure_ev100: exposure.ev100,
+        vertical_fov_degrees,
         near,
         far,
-        gaps: vec!["its geometry and lights are not extracted".to_owned()],
+        gaps: gaps.lines(),
     }
 }

@@ -22,8 +22,8 @@ use crate::stage::{StageError, every_knob, useful_knobs};
 use crate::subject::view_describer;
 
 /// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
-/// that renders it. Dereferences to its scene. Says when it ends what of the app the path tracer and
-/// free cameras lack.
+/// that renders it. Dereferences to its scene. Says when it ends what of it is not shown or not
+/// path-traced.
 pub(crate) struct StagedScene {
     /// As maps and files name it.
     pub name: String,
@@ -43,7 +43,6 @@ struct Level {
     fingerprint: String,
     sky: ExtractedSky,
     opt_in: Vec<String>,
-    gaps: Vec<String>,
     /// The program that it came from, until that is taken.
     running: Cell<Option<Connection>>,
 }
@@ -58,10 +57,8 @@ impl Deref for StagedScene {
 
 impl Drop for StagedScene {
     fn drop(&mut self) {
-        let gaps = self.level.as_ref().map(|level| level.gaps.as_slice()).unwrap_or_default();
-        if !gaps.is_empty() {
-            eprintln!("{}: not in what is path-traced, nor for free cameras:", self.label);
-            gaps.iter().for_each(|gap| eprintln!("  {gap}"));
+        for gap in &self.scene.gaps {
+            eprintln!("warning: {}: {gap}", self.label);
         }
     }
 }
@@ -116,7 +113,7 @@ impl StagedScene {
             camera: Camera { vertical_fov: vertical_fov_degrees, near, far },
             ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
-        let mut scene = LoadedScene::with_geometry(description, geometry);
+        let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
         let sky_bytes = postcard::to_stdvec(&sky).map_err(RemoteError::failed)?;
         let parts = [scene.fingerprint().map_err(RemoteError::usage)?.into_bytes(), sky_bytes];
         let fingerprint = scene::fingerprint_of(&parts.concat());
@@ -134,7 +131,7 @@ impl StagedScene {
             program,
             knobs: loaded.knobs,
             scene,
-            level: Some(Level { fingerprint, sky, opt_in, gaps, running }),
+            level: Some(Level { fingerprint, sky, opt_in, running }),
         })
     }
 
@@ -178,9 +175,13 @@ impl StagedScene {
         let useful = useful_knobs(&self.scene)?;
         let Some(level) = &self.level else { return Ok(useful) };
         let built_in = every_knob()?;
-        // An app may ask for reflections, contact shadows or fog.
-        let is_useful = |name: &String| {
-            useful.contains(name) || name == "effects" || built_in.index_of(name).is_none()
+        let is_textured = !self.scene.geometry.textures.is_empty();
+        let is_useful = |name: &String| match name.as_str() {
+            // An app may ask for reflections, contact shadows or fog, and its textures may have mip
+            // levels.
+            "effects" => true,
+            "texture_detail" => is_textured,
+            _ => useful.contains(name) || built_in.index_of(name).is_none(),
         };
         let names = self.knobs.knobs().iter().map(|knob| knob.name.clone());
         Ok(names.filter(|name| is_useful(name) && !level.opt_in.contains(name)).collect())

@@ -73,15 +73,13 @@ pub(crate) struct BsdfSample {
 impl Bsdf {
     /// The model of `surface` for the direction `outgoing`, a unit vector.
     pub(crate) fn new(surface: &Surface, outgoing: DVec3, shading: Shading) -> Self {
-        let material = surface.material;
         let (tangent, bitangent) = surface.normal.any_orthonormal_pair();
         let frame = [tangent, bitangent, surface.normal];
         let view = DVec3::from_array(frame.map(|axis| axis.dot(outgoing)));
         let view = view.with_z(view.z.max(LEAST_VIEW_COSINE)).normalize();
-        let metallic = f64::from(material.metallic);
-        let reflectance = f64::from(material.reflectance);
-        let roughness =
-            f64::from(material.perceptual_roughness).clamp(LEAST_PERCEPTUAL_ROUGHNESS, 1.0);
+        let metallic = surface.metallic;
+        let reflectance = f64::from(surface.material.reflectance);
+        let roughness = surface.perceptual_roughness.clamp(LEAST_PERCEPTUAL_ROUGHNESS, 1.0);
         let f0 = match shading {
             Shading::Standard => {
                 DVec3::splat(0.16 * reflectance * reflectance * (1.0 - metallic))

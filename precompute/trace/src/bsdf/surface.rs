@@ -20,6 +20,12 @@ pub(crate) struct Surface<'a> {
     pub(crate) normal: DVec3,
     /// Linear RGB: material × vertex colour × texture.
     pub(crate) base_color: DVec3,
+    /// In [0, 1]: material × texture.
+    pub(crate) metallic: f64,
+    /// In [0, 1]: material × texture.
+    pub(crate) perceptual_roughness: f64,
+    /// Emission, nits: material × texture.
+    pub(crate) emission: DVec3,
     /// The material.
     pub(crate) material: &'a SceneMaterial,
 }
@@ -29,12 +35,11 @@ impl<'a> Surface<'a> {
     pub(crate) fn new(geometry: &'a SceneGeometry, hit: &Hit) -> Self {
         let corners = hit.triangle.corners.map(|corner| corner.as_dvec3());
         let mesh = &geometry.meshes[hit.triangle.mesh];
-        let weights = weights(hit);
+        let weights = hit.exact_weights();
         let sign = if hit.side == Side::Front { 1.0 } else { -1.0 };
         let geometric_normal =
             (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Y) * sign;
-        let corner_normals =
-            corner_indices(geometry, hit).map(|corner| mesh.normals[corner].as_dvec3());
+        let corner_normals = geometry.corners(hit).map(|corner| mesh.normals[corner].as_dvec3());
         let normal = blend(corner_normals, weights).normalize_or_zero() * sign;
         // A shading normal on the far side of its triangle, or an invalid one, would leak light. A
         // normal that only faces away from the viewer, as at the outline of a faceted sphere, is
@@ -44,7 +49,8 @@ impl<'a> Surface<'a> {
         } else {
             geometric_normal
         };
-        let [red, green, blue, _] = base_color(geometry, hit);
+        let [red, green, blue, _] = geometry.base_color(hit);
+        let (metallic, perceptual_roughness) = geometry.metallic_roughness(hit);
         Self {
             // Relative to the first corner, so that rounding of the weights keeps the point in the
             // triangle's plane.
@@ -54,7 +60,10 @@ impl<'a> Surface<'a> {
             geometric_normal,
             normal,
             base_color: DVec3::new(red, green, blue),
-            material: &geometry.materials[mesh.material],
+            metallic,
+            perceptual_roughness,
+            emission: geometry.emission(hit),
+            material: geometry.material(hit),
         }
     }
 
@@ -69,42 +78,10 @@ impl<'a> Surface<'a> {
 
 /// Whether the alpha mask cuts out the point of `hit`.
 pub(crate) fn is_cut_out(geometry: &SceneGeometry, hit: &Hit) -> bool {
-    match geometry.materials[geometry.meshes[hit.triangle.mesh].material].alpha {
+    match geometry.material(hit).alpha {
         AlphaMode::Opaque => false,
-        AlphaMode::Mask(cutoff) => base_color(geometry, hit)[3] < f64::from(cutoff),
+        AlphaMode::Mask(cutoff) => geometry.base_color(hit)[3] < f64::from(cutoff),
     }
-}
-
-/// Base colour and alpha: material × vertex × texture.
-fn base_color(geometry: &SceneGeometry, hit: &Hit) -> [f64; 4] {
-    let mesh = &geometry.meshes[hit.triangle.mesh];
-    let material = &geometry.materials[mesh.material];
-    let (corners, weights) = (corner_indices(geometry, hit), weights(hit));
-    let vertex = |channel: usize| {
-        (0..3).map(|i| f64::from(mesh.colors[corners[i]][channel]) * weights[i]).sum::<f64>()
-    };
-    let texel = material.base_color_texture.map(|texture| {
-        let uv = |axis: usize| {
-            (0..3).map(|i| f64::from(mesh.uvs[corners[i]][axis]) * weights[i]).sum::<f64>() as f32
-        };
-        geometry.textures[texture].sample(uv(0), uv(1))
-    });
-    std::array::from_fn(|channel| {
-        f64::from(material.base_color[channel])
-            * vertex(channel)
-            * texel.map_or(1.0, |texel| f64::from(texel[channel]))
-    })
-}
-
-fn corner_indices(geometry: &SceneGeometry, hit: &Hit) -> [usize; 3] {
-    let indices = &geometry.meshes[hit.triangle.mesh].indices;
-    [0, 1, 2].map(|corner| indices[hit.triangle.index * 3 + corner] as usize)
-}
-
-/// Barycentric weights of the corners; they sum to 1 in double precision.
-fn weights(hit: &Hit) -> [f64; 3] {
-    let [_, second, third] = hit.weights.map(f64::from);
-    [1.0 - second - third, second, third]
 }
 
 fn blend(values: [DVec3; 3], weights: [f64; 3]) -> DVec3 {

@@ -3,15 +3,23 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::*;
 use crate::scene::SceneMaterial;
 
-fn bsdf(material: &SceneMaterial, view_degrees: f64, shading: Shading) -> Bsdf {
+/// A level surface of the material's own values.
+fn surface(material: &SceneMaterial) -> Surface<'_> {
     let [red, green, blue, _] = material.base_color.map(f64::from);
-    let surface = Surface {
+    Surface {
         position: DVec3::ZERO,
         geometric_normal: DVec3::Y,
         normal: DVec3::Y,
         base_color: DVec3::new(red, green, blue),
+        metallic: f64::from(material.metallic),
+        perceptual_roughness: f64::from(material.perceptual_roughness),
+        emission: DVec3::ZERO,
         material,
-    };
+    }
+}
+
+fn bsdf(material: &SceneMaterial, view_degrees: f64, shading: Shading) -> Bsdf {
+    let surface = surface(material);
     let angle = view_degrees.to_radians();
     Bsdf::new(&surface, DVec3::new(angle.sin() * 0.6, angle.cos(), angle.sin() * 0.8), shading)
 }
@@ -107,13 +115,7 @@ fn reflection_is_reciprocal() {
             [(direction(0.3, 0.0), direction(0.9, 2.0)), (direction(1.3, 1.0), direction(0.1, 4.0))]
         {
             let reflected = |view: DVec3, light: DVec3| {
-                let surface = Surface {
-                    position: DVec3::ZERO,
-                    geometric_normal: DVec3::Y,
-                    normal: DVec3::Y,
-                    base_color: DVec3::ONE,
-                    material,
-                };
+                let surface = Surface { base_color: DVec3::ONE, ..surface(material) };
                 Bsdf::new(&surface, view, Shading::Standard).evaluate(light).0 / light.y
             };
             assert!(
@@ -183,13 +185,7 @@ fn a_bent_normal_neither_leaks_nor_breaks() {
         SceneMaterial { perceptual_roughness: 0.3, metallic: 0.3, ..SceneMaterial::default() };
     for bend in [0.0, 30.0, 60.0, 89.0_f64] {
         let normal = DVec3::new(bend.to_radians().sin(), bend.to_radians().cos(), 0.0);
-        let surface = Surface {
-            position: DVec3::ZERO,
-            geometric_normal: DVec3::Y,
-            normal,
-            base_color: DVec3::ONE,
-            material: &material,
-        };
+        let surface = Surface { normal, ..surface(&material) };
         for view in [-89.9, -45.0, 0.0, 45.0, 89.9_f64] {
             let view = DVec3::new(view.to_radians().sin(), view.to_radians().cos(), 0.0);
             let bsdf = Bsdf::new(&surface, view, Shading::Standard);

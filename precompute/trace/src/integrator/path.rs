@@ -5,7 +5,6 @@ use glam::{DVec3, Vec3};
 use super::scene::ReferenceScene;
 use super::settings::{Settings, Strategy};
 use crate::bsdf::{Bsdf, Surface, is_cut_out};
-use crate::color::color;
 use crate::sampler::Sampler;
 
 /// Hits before Russian roulette begins, for paths of unlimited length.
@@ -70,11 +69,11 @@ pub(super) fn trace(
             break;
         };
         let surface = Surface::new(&scene.geometry, &hit);
-        let emitted = color(surface.material.emissive);
+        let emitted = surface.emission;
         if emitted != DVec3::ZERO {
             let weight = density.map_or(1.0, |own| {
                 let per_steradian = per_steradian(
-                    scene.emitters.density(emitted),
+                    scene.emitters.density(&hit),
                     surface.position - origin.as_dvec3(),
                     surface.geometric_normal,
                 );
@@ -148,7 +147,7 @@ fn extended(
     };
     if !scene.emitters.is_empty() {
         let (choice, pair) = (sampler.number(), sampler.pair());
-        if let Some(point) = scene.emitters.sample(&scene.geometry, choice, pair) {
+        if let Some(point) = scene.emitters.sample(choice, pair) {
             let ray = point.position - origin.as_dvec3();
             let emitter = Surface::new(&scene.geometry, &point.hit);
             let density = per_steradian(point.density, ray, emitter.geometric_normal);
@@ -158,7 +157,7 @@ fn extended(
                 && density > 0.0
                 && !is_cut_out(&scene.geometry, &point.hit)
             {
-                add(ray.normalize(), ray.length(), color(emitter.material.emissive), density);
+                add(ray.normalize(), ray.length(), emitter.emission, density);
             }
         }
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Why an image is not a valid sky.
 #[derive(Debug, thiserror::Error)]
@@ -18,7 +19,7 @@ pub struct SkyError {
 
 /// Radiance of all directions. The first row is straight up, the middle of a row is −Z, and −X is
 /// left of it. Radiance is constant within a texel.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SkyMap {
     /// Texels in a row, at least 1.
     width: u32,

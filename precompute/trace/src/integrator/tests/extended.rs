@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 
 use super::*;
-use crate::scene::{AlphaMode, SceneTexture, SkyMap};
+use crate::scene::{AlphaMode, SkyMap, TextureUse};
 
-const STRATEGIES: [Strategy; 3] = [Strategy::Combined, Strategy::Lights, Strategy::Scattering];
+pub(super) const STRATEGIES: [Strategy; 3] =
+    [Strategy::Combined, Strategy::Lights, Strategy::Scattering];
 
 /// Form factor from a differential patch to a parallel rectangle of `a` × `b` at distance `c` with
 /// a corner above it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3).
-fn corner_form_factor(a: f64, b: f64, c: f64) -> f64 {
+pub(super) fn corner_form_factor(a: f64, b: f64, c: f64) -> f64 {
     let (x, y) = (a / c, b / c);
     let (along, across) = (1.0_f64.hypot(x), 1.0_f64.hypot(y));
     (x / along * (y / along).atan() + y / across * (x / across).atan()) / (2.0 * PI)
@@ -151,13 +152,10 @@ fn strategies_agree_on_a_sky_with_a_sun_in_it() {
 fn a_cut_out_emitter_emits_only_where_it_is_opaque() {
     // Left half opaque, right half cut out; all strategies must leave out the same half.
     let mut cloth = SceneGeometry {
-        textures: vec![
-            SceneTexture::from_rgba8(2, 1, vec![255, 255, 255, 255, 255, 255, 255, 0], None)
-                .expect("texels"),
-        ],
+        textures: vec![row_texture(&[[255; 4], [255, 255, 255, 0]])],
         materials: vec![SceneMaterial {
             alpha: AlphaMode::Mask(0.5),
-            base_color_texture: Some(0),
+            base_color_texture: Some(TextureUse::plain(0)),
             double_sided: true,
             ..emissive(500.0)
         }],

@@ -3,6 +3,7 @@
 mod energy;
 mod extended;
 mod robustness;
+mod textures;
 mod visibility;
 
 use glam::{DVec3, Quat, UVec2, Vec3};
@@ -13,7 +14,10 @@ use crate::bsdf::Shading;
 use crate::light::{Light, Sky};
 use crate::sampler::Sampler;
 use crate::scene::shapes::MeshBuilder;
-use crate::scene::{CameraPose, GeometryError, RayScene, SceneGeometry, SceneMaterial};
+use crate::scene::{
+    CameraPose, Filter, GeometryError, RayScene, SceneGeometry, SceneMaterial, SceneTexture,
+    Texels, Wrap,
+};
 
 /// Geometry of one material, built by `build`.
 fn geometry(material: SceneMaterial, build: impl FnOnce(&mut MeshBuilder)) -> SceneGeometry {
@@ -55,6 +59,17 @@ fn diffuse() -> SceneMaterial {
 
 fn emissive(nits: f32) -> SceneMaterial {
     SceneMaterial { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [nits; 3], ..diffuse() }
+}
+
+/// An 8-bit texture of one row, which repeats; hard edges.
+fn row_texture(texels: &[[u8; 4]]) -> SceneTexture {
+    SceneTexture {
+        width: texels.len() as u32,
+        height: 1,
+        texels: Texels::Linear(texels.to_vec()),
+        wrap: [Wrap::Repeat; 2],
+        filter: Filter::Nearest,
+    }
 }
 
 fn lambertian(bounces: Option<u32>) -> Settings {

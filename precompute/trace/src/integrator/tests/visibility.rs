@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::*;
-use crate::scene::{AlphaMode, SceneTexture};
+use crate::scene::{AlphaMode, TextureUse};
 
 /// The lit floor's radiance under a sun of 1000 lux straight above.
 const LIT: f64 = 1000.0 / PI;
@@ -16,8 +16,7 @@ fn double_sided(material: SceneMaterial) -> SceneMaterial {
 fn a_cut_out_lets_paths_and_light_through() {
     // Alpha comes from texture, vertex and material: the right half, all, and all of the cloth are
     // cut out.
-    let texture = SceneTexture::from_rgba8(2, 1, vec![255, 255, 255, 255, 255, 255, 255, 0], None)
-        .expect("texels");
+    let texture = row_texture(&[[255; 4], [255, 255, 255, 0]]);
     for (vertex_alpha, material_alpha, is_left_there) in
         [(1.0, 1.0, true), (0.4, 1.0, false), (1.0, 0.4, false)]
     {
@@ -30,7 +29,7 @@ fn a_cut_out_lets_paths_and_light_through() {
         let material = SceneMaterial {
             base_color: [0.0, 0.0, 0.0, material_alpha],
             alpha: AlphaMode::Mask(0.5),
-            base_color_texture: Some(0),
+            base_color_texture: Some(TextureUse::plain(0)),
             ..double_sided(diffuse())
         };
         let geometry = SceneGeometry {

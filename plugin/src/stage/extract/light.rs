@@ -1,0 +1,81 @@
+//! Directional, point and spot lights.
+
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::color::{Color, LinearRgba};
+use bevy::ecs::entity::Entity;
+use bevy::ecs::query::With;
+use bevy::ecs::world::World;
+use bevy::light::{DirectionalLight, PointLight, RectLight, SpotLight};
+use bevy::transform::components::GlobalTransform;
+use frugal_trace::light::Light;
+
+use super::gaps::{Gaps, name};
+
+/// All lights that shine in the view of a camera with `layers`.
+pub(super) fn lights(world: &mut World, layers: &RenderLayers, gaps: &mut Gaps) -> Vec<Light> {
+    let mut lights = Vec::new();
+    let mut query = world.query::<(
+        Entity,
+        &GlobalTransform,
+        Option<&InheritedVisibility>,
+        Option<&RenderLayers>,
+        Option<&DirectionalLight>,
+        Option<&PointLight>,
+        Option<&SpotLight>,
+    )>();
+    for (entity, at, visibility, own_layers, sun, point, spot) in query.iter(world) {
+        if !visibility.is_none_or(|visibility| visibility.get()) {
+            continue;
+        }
+        let (position, direction) = (at.translation(), at.forward().as_vec3());
+        let is_lit = |power: f32| power.is_finite() && power > 0.0;
+        let mut is_shadowless = false;
+        // Only directional lights have layers.
+        let in_view = own_layers.unwrap_or(&RenderLayers::default()).intersects(layers);
+        if let Some(light) = sun.filter(|light| in_view && is_lit(light.illuminance)) {
+            is_shadowless |= !light.shadow_maps_enabled;
+            lights.push(Light::Directional {
+                direction,
+                illuminance: light.illuminance,
+                color: linear(light.color),
+            });
+        }
+        if let Some(light) = point.filter(|light| is_lit(light.intensity)) {
+            is_shadowless |= !light.shadow_maps_enabled;
+            lights.push(Light::Point {
+                position,
+                luminous_power: light.intensity,
+                range: light.range,
+                color: linear(light.color),
+            });
+        }
+        if let Some(light) = spot.filter(|light| is_lit(light.intensity)) {
+            is_shadowless |= !light.shadow_maps_enabled;
+            lights.push(Light::Spot {
+                position,
+                direction,
+                luminous_power: light.intensity,
+                range: light.range,
+                inner_angle: light.inner_angle.min(light.outer_angle).to_degrees(),
+                outer_angle: light.outer_angle.to_degrees(),
+                color: linear(light.color),
+            });
+        }
+        if is_shadowless {
+            gaps.add(
+                "lights without shadow maps cast shadows in the path tracer",
+                name(world, entity),
+            );
+        }
+    }
+    let mut areas = world.query_filtered::<Entity, With<RectLight>>();
+    for entity in areas.iter(world) {
+        gaps.add("rectangular lights are left out", name(world, entity));
+    }
+    lights
+}
+
+pub(super) fn linear(color: Color) -> [f32; 3] {
+    let color = LinearRgba::from(color);
+    [color.red, color.green, color.blue].map(|value| value.max(0.0))
+}

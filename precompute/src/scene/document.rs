@@ -1,0 +1,272 @@
+//! What a glTF file asks for and Bevy's loader does not read. The loader itself only logs it, or
+//! says that the file is invalid.
+
+use std::collections::BTreeSet;
+
+use gltf::accessor::{DataType, Dimensions};
+use gltf::json::validation::{Error, Validate};
+use gltf::json::{Path, Root};
+use gltf::{Document, Gltf, Material, Semantic};
+
+/// Extensions that Bevy's loader reads, or that are nothing to an image.
+const READ: [&str; 11] = [
+    "KHR_lights_punctual",
+    "KHR_materials_unlit",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+    "KHR_materials_ior",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_clearcoat",
+    "KHR_materials_specular",
+    "KHR_texture_transform",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+];
+/// Extensions of materials that may be required: without them a file still has all its surfaces.
+const OPTIONAL: &str = "KHR_materials_";
+/// Required by files with integers as positions, which are refused one by one.
+const QUANTIZATION: &str = "KHR_mesh_quantization";
+/// Extensions that give a texture another image.
+const IMAGES: [&str; 3] = ["EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
+
+/// A valid file.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Checked {
+    /// Number of its scene.
+    pub(super) scene: usize,
+    /// What is left out, as sentences.
+    pub(super) gaps: Vec<String>,
+}
+
+/// Checks the file of `bytes`, without its buffers and images.
+///
+/// # Errors
+/// Why it cannot be loaded.
+pub(super) fn check(bytes: &[u8]) -> Result<Checked, String> {
+    if let Some(header) = bytes.strip_prefix(b"glTF") {
+        let length = header.get(4..8).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes);
+        let (expected, found) = (length.map_or(12, u64::from), bytes.len() as u64);
+        if found < expected {
+            return Err(format!("it is cut short: {found} bytes of {expected}"));
+        }
+    }
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes)
+        .map_err(|error| format!("it is not a glTF 2.0 file: {error}"))?;
+    let root = document.into_json();
+    if let (Some(buffer), Some(blob)) = (root.buffers.first(), blob)
+        && buffer.uri.is_none()
+        && buffer.byte_length.0 > blob.len() as u64
+    {
+        return Err(format!("buffer 0 has {} bytes of {}", blob.len(), buffer.byte_length.0));
+    }
+    for name in &root.extensions_required {
+        let is_readable =
+            READ.contains(&name.as_str()) || name.starts_with(OPTIONAL) || name == QUANTIZATION;
+        if !is_readable {
+            return Err(format!(
+                "it requires the extension {name}, which Bevy's loader does not read; write it \
+                 without, for example by `gltf-transform copy`"
+            ));
+        }
+    }
+    if let Some(problem) = invalid(&root) {
+        return Err(problem);
+    }
+    let document = Document::from_json_without_validation(root);
+    let mut gaps = Vec::new();
+    extensions(&document, &mut gaps);
+    attributes(&document, &mut gaps)?;
+    for material in document.materials() {
+        texture_uses(&material, &mut gaps);
+    }
+    let count = |count: usize, what: &str, gaps: &mut Vec<String>| {
+        if count > 0 {
+            gaps.push(format!("{count} {what} of the file are left out"));
+        }
+    };
+    let lights = document.nodes().filter(|node| node.light().is_some()).count();
+    count(lights, "lights", &mut gaps);
+    count(document.animations().count(), "animations", &mut gaps);
+    let scene = document.default_scene().or_else(|| document.scenes().next());
+    let scene = scene.ok_or("it has no scene")?.index();
+    Ok(Checked { scene, gaps })
+}
+
+/// The first contradiction in the file.
+fn invalid(root: &Root) -> Option<String> {
+    // What follows assumes that these are valid.
+    let attributes = root
+        .meshes
+        .iter()
+        .flat_map(|mesh| &mesh.primitives)
+        .flat_map(|primitive| primitive.attributes.values());
+    let count = root.accessors.len();
+    if let Some(index) = attributes.map(gltf::json::Index::value).find(|index| *index >= count) {
+        return Some(format!("an attribute names accessor {index} of {count}"));
+    }
+    for (index, texture) in root.textures.iter().enumerate() {
+        if texture.source.value() >= root.images.len() {
+            let others = texture.extensions.as_ref().map(|all| all.others.keys());
+            let other =
+                others.and_then(|mut names| names.find(|name| IMAGES.contains(&name.as_str())));
+            return Some(match other {
+                Some(name) => format!(
+                    "texture {index} has an image by {name} alone, which Bevy's loader does not \
+                     read; convert it to PNG or JPEG"
+                ),
+                None => format!("texture {index} has no image"),
+            });
+        }
+    }
+    let mut first = None;
+    root.validate(root, Path::new, &mut |path: &dyn Fn() -> Path, error: Error| {
+        let path = path().to_string();
+        // Required extensions are checked above; a view that is missing stands for zeros.
+        let is_checked = path.starts_with("extensionsRequired")
+            || (path.starts_with("accessors")
+                && path.ends_with("bufferView")
+                && error == Error::Missing);
+        if !is_checked {
+            first
+                .get_or_insert_with(|| format!("it is not a valid glTF 2.0 file: {path}: {error}"));
+        }
+    });
+    first
+}
+
+fn extensions(document: &Document, gaps: &mut Vec<String>) {
+    let is_ignored =
+        |name: &&str| !READ.contains(name) && *name != QUANTIZATION && !IMAGES.contains(name);
+    let ignored: Vec<&str> = document.extensions_used().filter(is_ignored).collect();
+    if !ignored.is_empty() {
+        gaps.push(format!("extensions that Bevy's loader does not read: {}", ignored.join(", ")));
+    }
+}
+
+/// Attributes that the loader drops.
+fn attributes(document: &Document, gaps: &mut Vec<String>) -> Result<(), String> {
+    let mut dropped = BTreeSet::new();
+    for mesh in document.meshes() {
+        let name = || mesh.name().map_or_else(|| format!("mesh {}", mesh.index()), str::to_owned);
+        for (semantic, accessor) in
+            mesh.primitives().flat_map(|primitive| primitive.attributes().collect::<Vec<_>>())
+        {
+            // Tangents are for normal maps, which are not traced.
+            let format = (accessor.data_type(), accessor.dimensions(), accessor.normalized());
+            let is_present = accessor.view().is_some() || accessor.sparse().is_some();
+            if is_present && is_read(&semantic, format) {
+                continue;
+            }
+            if semantic == Semantic::Positions {
+                return Err(format!(
+                    "positions of {} are not vectors of 32-bit floats, the only ones that Bevy's \
+                     loader reads ({QUANTIZATION}: write it without, for example by \
+                     `gltf-transform dequantize`)",
+                    name()
+                ));
+            }
+            dropped.insert(format!("{} of {}", semantic.to_string(), name()));
+        }
+    }
+    if !dropped.is_empty() {
+        let dropped: Vec<String> = dropped.into_iter().collect();
+        gaps.push(format!("attributes that Bevy's loader does not read: {}", dropped.join(", ")));
+    }
+    Ok(())
+}
+
+/// Whether Bevy's loader reads an attribute of this format, and whether its values are normalised.
+fn is_read(semantic: &Semantic, format: (DataType, Dimensions, bool)) -> bool {
+    use DataType::{F32, U8, U16};
+    use Dimensions::{Vec2, Vec3, Vec4};
+    match semantic {
+        Semantic::Positions | Semantic::Normals => matches!(format, (F32, Vec3, false)),
+        Semantic::Tangents => matches!(format, (F32, Vec4, false)),
+        Semantic::TexCoords(0 | 1) => matches!(format, (F32, Vec2, false) | (U8 | U16, Vec2, true)),
+        Semantic::Colors(0) => {
+            matches!(format, (F32, Vec3 | Vec4, false) | (U8 | U16, Vec3 | Vec4, true))
+        }
+        Semantic::Joints(0) => matches!(format, (U8 | U16, Vec4, false)),
+        Semantic::Weights(0) => matches!(format, (F32, Vec4, false) | (U8 | U16, Vec4, true)),
+        // Names of the author's own, for shaders of the author's own.
+        Semantic::Extras(_) => true,
+        _ => false,
+    }
+}
+
+/// Texture coordinates that the loader does not follow.
+fn texture_uses(material: &Material, gaps: &mut Vec<String>) {
+    let surface = material.pbr_metallic_roughness();
+    let base = surface.base_color_texture();
+    let transform = |info: &gltf::texture::Info| {
+        info.texture_transform().map(|transform| {
+            (transform.offset(), transform.rotation().to_bits(), transform.scale())
+        })
+    };
+    let others = [surface.metallic_roughness_texture(), material.emissive_texture()];
+    let name = || {
+        material.name().map_or_else(
+            || material.index().map_or("default".into(), |index| format!("material {index}")),
+            str::to_owned,
+        )
+    };
+    for info in base.iter().chain(others.iter().flatten()) {
+        let moved = info.texture_transform().and_then(|transform| transform.tex_coord());
+        if info.tex_coord() > 1 || moved.is_some_and(|moved| moved != info.tex_coord()) {
+            gaps.push(format!(
+                "{}: Bevy's loader does not read the texture coordinates of one of its textures",
+                name()
+            ));
+        }
+    }
+    let expected = base.as_ref().and_then(&transform);
+    if others.iter().flatten().any(|info| transform(info) != expected) {
+        gaps.push(format!("{}: Bevy moves all its textures as its base colour", name()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(rest: &str) -> Vec<u8> {
+        format!(r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[]}}]{rest}}}"#).into_bytes()
+    }
+
+    #[test]
+    fn required_extensions_are_read_ignored_or_named() {
+        for name in ["KHR_texture_transform", "KHR_materials_variants", "KHR_xmp_json_ld"] {
+            let json = format!(r#","extensionsUsed":["{name}"],"extensionsRequired":["{name}"]"#);
+            let checked = check(&file(&json)).expect(name);
+            let is_said = checked.gaps.iter().any(|gap| gap.contains(name));
+            assert_eq!(is_said, name == "KHR_materials_variants", "{:?}", checked.gaps);
+        }
+        for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_texture_webp"] {
+            let json = format!(r#","extensionsUsed":["{name}"],"extensionsRequired":["{name}"]"#);
+            let error = check(&file(&json)).expect_err(name);
+            assert!(error.contains(name) && !error.contains("valid"), "{error}");
+        }
+        let used = check(&file(r#","extensionsUsed":["EXT_mesh_gpu_instancing"]"#)).expect("used");
+        assert!(used.gaps[0].contains("EXT_mesh_gpu_instancing"), "{:?}", used.gaps);
+    }
+
+    #[test]
+    fn textures_without_an_image_are_named() {
+        let webp = r#","images":[{"uri":"a.webp"}],"extensionsUsed":["EXT_texture_webp"],
+            "textures":[{"extensions":{"EXT_texture_webp":{"source":0}}}]"#;
+        let error = check(&file(webp)).expect_err("no image that is read");
+        assert!(error.contains("EXT_texture_webp"), "{error}");
+        let fallback = webp.replace("{\"extensions\"", "{\"source\":0,\"extensions\"");
+        assert!(check(&file(&fallback)).is_ok());
+        assert!(check(&file(r#","textures":[{}]"#)).expect_err("no image").contains("texture 0"));
+    }
+
+    #[test]
+    fn broken_files_are_refused() {
+        assert!(check(b"").is_err() && check(b"no").is_err() && check(b"glTF").is_err());
+        assert!(check(&file(r#","scene":3"#)).is_err());
+        assert!(check(br#"{"asset":{"version":"2.0"}}"#).expect_err("empty").contains("no scene"));
+        let mesh = r#","meshes":[{"primitives":[{"attributes":{"POSITION":7}}]}]"#;
+        assert!(check(&file(mesh)).expect_err("no accessor").contains("accessor 7 of 0"));
+    }
+}

@@ -1,0 +1,124 @@
+//! Reads a description's geometry: Bevy's loader in an app without a renderer, and then the same
+//! extraction as for any app.
+
+use std::time::Duration;
+
+use bevy::DefaultPlugins;
+use bevy::app::{App, PluginGroup, TerminalCtrlCHandlerPlugin};
+use bevy::asset::{AssetPlugin, UnapprovedPathMode};
+use bevy::light::GlobalAmbientLight;
+use bevy::log::LogPlugin;
+use bevy::render::RenderPlugin;
+use bevy::render::settings::{RenderCreation, WgpuSettings};
+use bevy::window::WindowPlugin;
+use bevy::winit::WinitPlugin;
+use bevy_frugal_gi::stage::extract::extract;
+use frugal_trace::scene::SceneGeometry;
+
+use super::built_in;
+use super::check::{self, Problem};
+use super::description::{Geometry, SceneDescription};
+use super::document::{self, Checked};
+use super::spawn::{Emission, SpawnedGeometry, spawn};
+
+/// Pause while files are read.
+const YIELD: Duration = Duration::from_millis(1);
+
+/// The scene number in a description's file, and what is in the file and not loaded.
+fn checked(description: &SceneDescription) -> Result<Checked, Problem> {
+    let (name, bytes) = match &description.geometry {
+        Geometry::Gltf(name) => {
+            let file = description.resolve(name);
+            let bytes = std::fs::read(&file).map_err(|error| Problem {
+                field: "geometry[0]".into(),
+                problem: format!("cannot read {}: {error}", file.display()),
+                remedy: "give a file relative to the description".into(),
+            })?;
+            (name, bytes)
+        }
+        Geometry::Procedural(name) => {
+            let bytes = built_in::glb(name).ok_or_else(|| check::no_such_scene(name))?;
+            (name, bytes.to_vec())
+        }
+    };
+    document::check(&bytes).map_err(|problem| unusable(name, &problem))
+}
+
+/// The number of the scene in a description's file.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn scene_number(description: &SceneDescription) -> Result<usize, Problem> {
+    Ok(checked(description)?.scene)
+}
+
+/// A description's geometry, and what is in its file and not represented, as sentences.
+///
+/// # Errors
+/// At the description's geometry, when its file is missing, broken, or needs what Bevy's loader does
+/// not read.
+pub(super) fn read(
+    description: &SceneDescription,
+) -> Result<(SceneGeometry, Vec<String>), Problem> {
+    let Checked { scene, mut gaps } = checked(description)?;
+    let (Geometry::Gltf(name) | Geometry::Procedural(name)) = &description.geometry;
+    let mut app = app();
+    spawn(app.world_mut(), description, scene, Emission::Nits);
+    let spawned = loop {
+        app.update();
+        let spawned = app.world().resource::<SpawnedGeometry>();
+        if spawned.is_complete {
+            break spawned.clone();
+        }
+        std::thread::sleep(YIELD);
+    };
+    if let Some(failure) = spawned.failures.first() {
+        return Err(unusable(name, failure));
+    }
+    // What was spawned in this update has its place in the next.
+    app.update();
+    let extracted = extract(app.world_mut(), None);
+    if extracted.geometry.triangle_count() == 0 {
+        return Err(unusable(name, "it has no triangles"));
+    }
+    gaps.extend(spawned.gaps);
+    gaps.extend(extracted.gaps);
+    Ok((extracted.geometry, gaps))
+}
+
+/// An app that loads, and renders nothing.
+fn app() -> App {
+    let nothing = WgpuSettings { backends: None, ..Default::default() };
+    let mut app = App::new();
+    app.add_plugins(
+        DefaultPlugins
+            .set(AssetPlugin {
+                unapproved_path_mode: UnapprovedPathMode::Allow,
+                ..Default::default()
+            })
+            .set(RenderPlugin {
+                render_creation: RenderCreation::Automatic(Box::new(nothing)),
+                ..Default::default()
+            })
+            .set(WindowPlugin { primary_window: None, ..Default::default() })
+            .disable::<WinitPlugin>()
+            .disable::<LogPlugin>()
+            .disable::<TerminalCtrlCHandlerPlugin>(),
+    );
+    app.insert_resource(GlobalAmbientLight::NONE);
+    app.finish();
+    app.cleanup();
+    app
+}
+
+fn unusable(name: &str, problem: &str) -> Problem {
+    Problem {
+        field: "geometry[0]".into(),
+        problem: format!("\"{name}\" cannot be used: {problem}"),
+        remedy: "give a .glb or .gltf file that Bevy loads".into(),
+    }
+}
+
+#[cfg(test)]
+#[path = "geometry_tests.rs"]
+pub(super) mod tests;
