@@ -14,8 +14,8 @@ use frugal_core::units::Watts;
 use frugal_search::table::{Batch, Measure, Measured};
 use frugal_trace::scene::CameraPose;
 
-use super::connection::RemoteError;
 use super::process::StageProcess;
+use super::program::RemoteError;
 use super::staged::StagedScene;
 use crate::device::on_this_machine;
 use crate::stage::StageOptions;

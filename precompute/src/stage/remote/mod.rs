@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `client` | several processes that render side by side what does not depend on the order |
 //! | `process` | one process, started when it is needed, replaced when it has grown or died |
+//! | `program` | a program, its process, and what it said last |
 //! | `connection` | a started program at the other end of a socket |
 //! | `staged` | what is rendered: a scene file, or a level of an app |
 //! | `listener` | the socket |
@@ -19,10 +20,11 @@ mod connection;
 mod guard;
 mod listener;
 mod process;
+mod program;
 mod staged;
 
 pub(crate) use client::RemoteStage;
-pub(crate) use connection::{Program, RemoteError};
 pub(crate) use guard::guard;
 pub(crate) use process::Shot;
+pub(crate) use program::{Program, RemoteError};
 pub(crate) use staged::StagedScene;

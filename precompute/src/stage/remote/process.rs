@@ -11,7 +11,8 @@ use frugal_core::units::Watts;
 use frugal_trace::metrics::{Picture, Radiance};
 use frugal_trace::scene::CameraPose;
 
-use super::connection::{Connection, NoAnswer, Program, RemoteError};
+use super::connection::{Connection, NoAnswer};
+use super::program::{Program, RemoteError};
 use crate::stage::{FrameRenderer, RenderedFrame};
 use crate::work_meter::WorkMeter;
 

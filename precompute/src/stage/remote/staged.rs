@@ -12,8 +12,9 @@ use frugal_search::view_features::ViewDescriber;
 use frugal_trace::integrator::ReferenceScene;
 use frugal_trace::light::Sky;
 
-use super::connection::{Connection, Program, RemoteError};
+use super::connection::Connection;
 use super::process::StageProcess;
+use super::program::{Program, RemoteError};
 use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, ReferenceError, SceneDescription, SceneError,
 };
