@@ -9,7 +9,7 @@ use gltf::json::{Path, Root};
 use gltf::{Document, Gltf, Material, Semantic};
 
 /// Extensions that Bevy's loader reads, or that are nothing to an image.
-const READ: [&str; 11] = [
+const READ: [&str; 12] = [
     "KHR_lights_punctual",
     "KHR_materials_unlit",
     "KHR_materials_transmission",
@@ -18,6 +18,7 @@ const READ: [&str; 11] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_clearcoat",
     "KHR_materials_specular",
+    "KHR_materials_anisotropy",
     "KHR_texture_transform",
     "KHR_xmp",
     "KHR_xmp_json_ld",

@@ -9,7 +9,7 @@ use bevy::light::{
     AmbientLight, EnvironmentMapLight, GeneratedEnvironmentMapLight, GlobalAmbientLight, Skybox,
 };
 use bevy::math::{Quat, Vec2, Vec3};
-use frugal_trace::scene::{SceneTexture, SkyMap, Wrap};
+use frugal_trace::scene::{Filter, SceneTexture, SkyMap, Wrap};
 
 use super::gaps::Gaps;
 use super::light::linear;
@@ -91,7 +91,7 @@ fn map(world: &World, cube: &Handle<Image>, rotation: Quat) -> Result<SkyMap, Un
     let faces = (0..6)
         .map(|face| {
             let texels = texels(image, face * data.len() / 6, edge as usize * edge as usize)?;
-            let (wrap, filter) = ([Wrap::Clamp; 2], Default::default());
+            let (wrap, filter) = ([Wrap::Clamp; 2], Filter::Nearest);
             let face = SceneTexture { width: edge, height: edge, texels, wrap, filter };
             if face.is_complete() { Ok(face) } else { Err("skies without texels are left out") }
         })

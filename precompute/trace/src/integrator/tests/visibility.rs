@@ -36,7 +36,6 @@ fn a_cut_out_lets_paths_and_light_through() {
             meshes: vec![cloth, floor.finish(1)],
             materials: vec![material, diffuse()],
             textures: vec![texture.clone()],
-            ..SceneGeometry::default()
         };
         let scene = scene(
             geometry,
