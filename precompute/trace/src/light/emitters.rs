@@ -50,6 +50,11 @@ impl Emitters {
         self.triangles.is_empty()
     }
 
+    /// Area × luminance of all triangles, m² · nits.
+    pub(crate) fn power(&self) -> f64 {
+        self.cumulative.last().copied().unwrap_or(0.0)
+    }
+
     /// Sampling density on a triangle that emits `radiance`, per m²: the luminance ÷ the power of
     /// all triangles.
     pub(crate) fn density(&self, radiance: DVec3) -> f64 {
