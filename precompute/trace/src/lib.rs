@@ -9,6 +9,7 @@
 //! | [`scene`] | triangles, materials, textures, sky maps, cameras; ray queries |
 //! | [`light`] | punctual lights, emissive triangles, the environment |
 //! | [`bsdf`] | the surface at a hit, and its reflection model |
+//! | `guide` | places from which much light comes, learned from photons |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | [`metrics`] | images, and differences between two |
 //!
@@ -17,6 +18,7 @@
 
 pub mod bsdf;
 mod color;
+mod guide;
 pub mod integrator;
 pub mod light;
 pub mod metrics;

@@ -96,7 +96,8 @@ const SEARCH: &[&str] = &[
 ];
 
 /// The path tracer's parts.
-const TRACE: &[&str] = &["color", "sampler", "scene", "light", "bsdf", "metrics", "integrator"];
+const TRACE: &[&str] =
+    &["color", "sampler", "scene", "light", "bsdf", "guide", "metrics", "integrator"];
 
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {
     let found = imports(&workspace().join(folder), split).expect("sources");

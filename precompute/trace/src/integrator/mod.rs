@@ -10,16 +10,26 @@
 //! | `settings` | how an image is path-traced |
 //! | `scene` | geometry, lights and ray queries |
 //! | `path` | radiance along one path |
+//! | `view` | a camera's rays |
+//! | `scatter` | directions in which a path goes on, guided or not |
+//! | `path` | radiance along one path |
+//! | `photons` | light along paths from the lights |
+//! | `learn` | what a guide learns from photons before an image |
 //! | `render` | a camera's image: sampling of pixels, on all CPU cores |
 
+mod learn;
 mod path;
+mod photons;
 mod render;
+mod scatter;
 mod scene;
 mod settings;
+mod view;
 
-pub use render::{FirstHit, Rendering, View, Watch, render, surfaces};
+pub use render::{Rendering, Watch, render};
 pub use scene::ReferenceScene;
-pub use settings::{Pixels, Settings, Strategy};
+pub use settings::{Guide, Pixels, Settings, Strategy};
+pub use view::{FirstHit, View, surfaces};
 
 #[cfg(test)]
 mod tests;

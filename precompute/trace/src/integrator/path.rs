@@ -2,9 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
+use super::scatter::Scatter;
 use super::scene::ReferenceScene;
 use super::settings::{Settings, Strategy};
 use crate::bsdf::{Bsdf, Surface, is_cut_out};
+use crate::guide::Field;
 use crate::sampler::Sampler;
 
 /// Hits before Russian roulette begins, for paths of unlimited length.
@@ -48,16 +50,20 @@ impl Estimate {
     }
 }
 
-/// Traces a path from `origin`, metres, in `direction`, a unit vector.
+/// Traces a path from `origin`, metres, in `direction`, a unit vector. `field` guides it.
 pub(super) fn trace(
     scene: &ReferenceScene,
     settings: &Settings,
+    field: Option<&Field>,
     mut origin: Vec3,
     mut direction: DVec3,
     sampler: &mut Sampler,
 ) -> Estimate {
     let mut estimate = Estimate::default();
     let mut throughput = DVec3::ONE;
+    // The throughput that BSDF sampling would have had along the same path: roulette by the real
+    // one would kill guided paths as often as the guide chooses them.
+    let mut reflectance = DVec3::ONE;
     // Sampling density of `direction`; none for the camera ray.
     let mut density = None;
     for surfaces in 0.. {
@@ -87,25 +93,28 @@ pub(super) fn trace(
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
         origin = surface.ray_origin();
         estimate.add(surfaces + 1, throughput * punctual(scene, &bsdf, &surface, origin));
+        let scatter = Scatter::new(bsdf, &surface, field);
         estimate.add_extended(
             surfaces + 1,
-            throughput * extended(scene, settings, &bsdf, origin, sampler),
+            throughput * extended(scene, settings, &scatter, origin, sampler),
         );
         // Beyond the last surface a path can only hit a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
             break;
         }
-        let Some(scattering) = bsdf.sample(sampler) else { break };
-        throughput *= scattering.weight;
-        (direction, density) = (scattering.direction, Some(scattering.density));
+        let Some(scattered) = scatter.sample(sampler) else { break };
+        throughput *= scattered.weight;
+        reflectance *= scattered.bsdf_weight;
+        (direction, density) = (scattered.direction, Some(scattered.density));
         // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length are
         // short and need no Russian roulette.
         if settings.bounces.is_none() && surfaces + 1 >= CERTAIN_SURFACES {
-            let survival = throughput.max_element().min(GREATEST_SURVIVAL);
+            let survival = reflectance.max_element().min(GREATEST_SURVIVAL);
             if sampler.number() >= survival {
                 break;
             }
             throughput /= survival;
+            reflectance /= survival;
         }
     }
     estimate
@@ -130,7 +139,7 @@ fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3
 fn extended(
     scene: &ReferenceScene,
     settings: &Settings,
-    bsdf: &Bsdf,
+    scatter: &Scatter,
     origin: Vec3,
     sampler: &mut Sampler,
 ) -> DVec3 {
@@ -139,7 +148,7 @@ fn extended(
         return sum;
     }
     let mut add = |direction: DVec3, distance: f64, radiance: DVec3, density: f64| {
-        let (reflected, other) = bsdf.evaluate(direction);
+        let (reflected, other) = scatter.evaluate(direction);
         let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
         if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
             sum += light;

@@ -1,29 +1,16 @@
 //! A camera's image.
 
-use glam::{DVec3, UVec2, Vec3};
+use glam::{DVec3, UVec2};
 use rayon::prelude::*;
 
+use super::learn::learn;
 use super::path::trace;
 use super::scene::ReferenceScene;
-use super::settings::{Pixels, Settings};
-use crate::bsdf::Surface;
+use super::settings::{Guide, Pixels, Settings};
+use super::view::View;
+use crate::guide::Field;
 use crate::metrics::Radiance;
 use crate::sampler::Sampler;
-use crate::scene::CameraPose;
-
-/// A camera's pose, lens and resolution.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// Position and rotation.
-    pub pose: CameraPose,
-    /// Vertical field of view, degrees, in (0, 180).
-    pub vertical_fov_degrees: f32,
-    /// Distance of the near plane, metres; nearer geometry is clipped, as in the renderer. There is
-    /// no far plane, as in Bevy.
-    pub near: f32,
-    /// Width and height, pixels.
-    pub size: UVec2,
-}
 
 /// Callbacks for progress and interruption; both are called from many threads.
 #[derive(Clone, Copy)]
@@ -91,11 +78,18 @@ pub fn render(
     watch: Watch,
 ) -> Option<Rendering> {
     let UVec2 { x: width, y: height } = view.size;
+    let field = match settings.guide {
+        Guide::None => None,
+        Guide::Photons => learn(scene, view, settings, watch.interrupted)?,
+    };
     let rows: Vec<Vec<Pixel>> = (0..height)
         .into_par_iter()
         .map(|y| {
             let row = (0..width)
-                .map(|x| (!(watch.interrupted)()).then(|| pixel(scene, view, settings, x, y)))
+                .map(|x| {
+                    (!(watch.interrupted)())
+                        .then(|| pixel(scene, view, settings, field.as_ref(), x, y))
+                })
                 .collect::<Option<Vec<_>>>();
             (watch.row_done)();
             row
@@ -114,7 +108,14 @@ pub fn render(
     Some(rendering)
 }
 
-fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u32) -> Pixel {
+fn pixel(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    field: Option<&Field>,
+    x: u32,
+    y: u32,
+) -> Pixel {
     let (mut parts, mut dropped) = ([DVec3::ZERO; 3], 0);
     let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
     for sample in 0..settings.samples {
@@ -123,7 +124,7 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
         let offset = sampler.pair();
         let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
         let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
-        let estimate = trace(scene, settings, origin, direction, &mut sampler);
+        let estimate = trace(scene, settings, field, origin, direction, &mut sampler);
         if estimate.fits_f32() {
             let own = [estimate.direct, estimate.extended, estimate.indirect];
             parts.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
@@ -133,41 +134,4 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
     }
     let count = f64::from(settings.samples - dropped.min(settings.samples)).max(1.0);
     (parts.map(|sum| (sum / count).as_vec3().to_array()), u64::from(dropped))
-}
-
-/// What a camera ray hits first: a surface point and its normal.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FirstHit {
-    /// World space, metres.
-    pub position: DVec3,
-    /// Geometric normal on the visible side, unit length.
-    pub normal: DVec3,
-}
-
-/// The surface at each pixel's centre, row by row; `None` where there is none.
-pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<FirstHit>> {
-    let pixel = |index: u32| {
-        let (origin, direction) =
-            view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
-        let surface = Surface::new(&scene.geometry, &scene.closest(origin, direction)?);
-        Some(FirstHit { position: surface.position, normal: surface.geometric_normal })
-    };
-    (0..view.size.element_product()).into_par_iter().map(pixel).collect()
-}
-
-impl View {
-    /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
-    /// pixels from its upper left corner.
-    fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
-        let size = self.size.as_dvec2();
-        let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
-        let half_width = half_height * size.x / size.y;
-        let ahead = DVec3::new(
-            (2.0 * x / size.x - 1.0) * half_width,
-            (1.0 - 2.0 * y / size.y) * half_height,
-            -1.0,
-        );
-        let ray = self.pose.rotation.as_dquat() * ahead;
-        ((self.pose.position.as_dvec3() + ray * f64::from(self.near)).as_vec3(), ray.normalize())
-    }
 }

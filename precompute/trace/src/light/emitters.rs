@@ -76,6 +76,11 @@ impl Emitters {
         self.triangles.is_empty()
     }
 
+    /// Area × luminance of all triangles, m² · nits.
+    pub(crate) fn power(&self) -> f64 {
+        self.cumulative.last().copied().unwrap_or(0.0)
+    }
+
     /// Sampling density at a hit, per m²: the triangle's mean luminance ÷ the power of all
     /// triangles.
     pub(crate) fn density(&self, hit: &Hit) -> f64 {

@@ -107,6 +107,12 @@ impl Sky {
         })
     }
 
+    /// Integral of the luminance of a map over all directions, lux; 0 for other skies.
+    pub(crate) fn power(&self) -> f64 {
+        let Self::Map(sky) = self else { return 0.0 };
+        sky.cumulative.last().map_or(0.0, |power| power * sky.intensity)
+    }
+
     /// Whether the sky emits light.
     pub(crate) fn is_lit(&self) -> bool {
         !matches!(self, Self::Black)

@@ -2,6 +2,7 @@
 
 mod energy;
 mod extended;
+mod guiding;
 mod robustness;
 mod textures;
 mod visibility;
@@ -134,7 +135,7 @@ fn estimates(
         // Sample 0 of a pixel of its own: independent of all others.
         let mut sampler = Sampler::new(settings.seed, i, 0);
         let (origin, direction) = ray(sampler.pair());
-        trace(scene, settings, origin.as_vec3(), direction.normalize(), &mut sampler)
+        trace(scene, settings, None, origin.as_vec3(), direction.normalize(), &mut sampler)
     };
     (0..count).map(one).collect()
 }

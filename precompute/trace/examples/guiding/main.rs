@@ -1,0 +1,87 @@
+//! What guiding buys: mean squared error at equal time, against unguided paths, on one thread.
+//!
+//! `cargo run -p frugal_trace --example guiding -- [SAMPLES [SEEDS [SCENE]]]`, on Linux.
+//!
+//! Images of several seeds are rendered in turn. Their variance is the mean squared error, since all
+//! means are equal; it is divided by the squared mean. The gain is error × processor time without a
+//! guide ÷ the same with it. A variance that rare bright paths dominate is underestimated where
+//! they did not occur, most of all without a guide.
+
+mod scenes;
+
+use frugal_trace::integrator::{Guide, Settings, Watch, render};
+use frugal_trace::metrics::Radiance;
+use glam::UVec2;
+use rayon::prelude::*;
+
+const SIZE: UVec2 = UVec2::new(64, 48);
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |i: usize, default: u32| {
+        arguments.get(i).map_or(default, |text: &String| text.parse().expect("a whole number"))
+    };
+    let (samples, seeds) = (number(0, 256), number(1, 2));
+    let wanted = arguments.get(2).map_or("", String::as_str);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let guides = [Guide::None, Guide::Photons];
+    for place in scenes::all(SIZE).iter().filter(|place| place.name.contains(wanted)) {
+        let mut runs: Vec<(Vec<Radiance>, f64)> = vec![(Vec::new(), 0.0); guides.len()];
+        for seed in 0..seeds {
+            for (guide, (images, seconds)) in guides.iter().zip(&mut runs) {
+                let settings = Settings {
+                    samples,
+                    guide: *guide,
+                    seed: u64::from(seed),
+                    ..Settings::default()
+                };
+                let (image, spent) = one.install(|| {
+                    let started = processor_time();
+                    let image = render(&place.scene, &place.view, &settings, Watch::default());
+                    (image, processor_time() - started)
+                });
+                *seconds += spent / f64::from(seeds);
+                images.push(image.expect("nothing interrupts").full());
+            }
+        }
+        let unguided = spread(&runs[0].0) * runs[0].1;
+        for (guide, (images, seconds)) in guides.iter().zip(&runs) {
+            let mean = images.iter().map(Radiance::mean).sum::<f64>() / images.len() as f64;
+            let error = spread(images);
+            println!(
+                "{:18} {:8} {:8} mean {mean:9.3} nits  {seconds:6.2} s  error {:9.6}  gain {:7.2}",
+                place.name,
+                if place.is_indirect { "indirect" } else { "open" },
+                format!("{guide:?}"),
+                error / (mean * mean),
+                unguided / (error * seconds)
+            );
+        }
+    }
+}
+
+/// Seconds that this thread has run: other processes do not count.
+fn processor_time() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
+    let nanoseconds = text.split(' ').next().and_then(|text| text.parse::<f64>().ok());
+    nanoseconds.expect("a number") * 1e-9
+}
+
+/// Mean over the pixels of the variance between images.
+fn spread(images: &[Radiance]) -> f64 {
+    let count = images.len() as f64;
+    let pixels = images[0].rgb.len();
+    let sum: f64 = (0..pixels)
+        .into_par_iter()
+        .map(|i| {
+            (0..3)
+                .map(|channel| {
+                    let values = images.iter().map(|image| f64::from(image.rgb[i][channel]));
+                    let mean = values.clone().sum::<f64>() / count;
+                    values.map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0)
+                })
+                .sum::<f64>()
+        })
+        .sum();
+    sum / (3 * pixels) as f64
+}

@@ -1,0 +1,82 @@
+//! Places: a tree over positions for each of six orientations of surfaces.
+
+use glam::{DVec3, Vec3};
+
+use super::sources::{Photon, Sources, partition};
+
+/// A leaf has at most this many photons times the square root of the number of all.
+const LEAF_PHOTONS: f64 = 2.0;
+
+/// What sends light to each place.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    roots: [Node; 6],
+}
+
+#[derive(Clone, Debug)]
+enum Node {
+    Inner { axis: usize, at: f32, children: Box<[Node; 2]> },
+    Leaf(Option<Sources>),
+}
+
+impl Field {
+    /// Learns from `photons`, whose order it changes.
+    pub(crate) fn learn(photons: &mut [Photon]) -> Self {
+        let most = ((photons.len() as f64).sqrt() * LEAF_PHOTONS) as usize;
+        let mut rest = photons;
+        let roots = std::array::from_fn(|wanted| {
+            let count = partition(rest, |photon| face(photon.normal) == wanted);
+            let (own, others) = std::mem::take(&mut rest).split_at_mut(count);
+            rest = others;
+            Node::learn(own, most)
+        });
+        Self { roots }
+    }
+
+    /// What sends light to a place on a surface with `normal`.
+    pub(crate) fn at(&self, position: DVec3, normal: DVec3) -> Option<&Sources> {
+        let position = position.as_vec3();
+        let mut node = &self.roots[face(normal.as_vec3())];
+        loop {
+            match node {
+                Node::Leaf(sources) => return sources.as_ref(),
+                Node::Inner { axis, at, children } => {
+                    node = &children[usize::from(position[*axis] >= *at)];
+                }
+            }
+        }
+    }
+}
+
+impl Node {
+    /// Splits at the median position.
+    fn learn(photons: &mut [Photon], most: usize) -> Self {
+        let (min, max) = photons
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max): (Vec3, Vec3), photon| {
+                (min.min(photon.position), max.max(photon.position))
+            });
+        let axis = (max - min).max_position();
+        let middle = photons.len() / 2;
+        if photons.len() > most {
+            let (_, photon, _) = photons.select_nth_unstable_by(middle, |a, b| {
+                a.position[axis].total_cmp(&b.position[axis])
+            });
+            let at = photon.position[axis];
+            let count = partition(photons, |photon| photon.position[axis] < at);
+            if count > 0 {
+                let (low, high) = photons.split_at_mut(count);
+                let (low, high) =
+                    rayon::join(|| Self::learn(low, most), || Self::learn(high, most));
+                return Self::Inner { axis, at, children: Box::new([low, high]) };
+            }
+        }
+        Self::Leaf(Sources::learn(photons))
+    }
+}
+
+/// Which of the six axes a normal is nearest to.
+fn face(normal: Vec3) -> usize {
+    let axis = normal.abs().max_position();
+    2 * axis + usize::from(normal[axis] < 0.0)
+}

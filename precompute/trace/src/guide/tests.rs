@@ -1,0 +1,187 @@
+//! Samplers against their densities, and what is learned against what was there.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+
+use super::sources::Sources;
+use super::*;
+use crate::sampler::Sampler;
+
+/// Photons that arrive around `place`, on a surface that faces up, from `source`.
+fn photons(
+    count: u32,
+    place: Vec3,
+    source: impl Fn([f64; 2]) -> Vec3,
+    power: impl Fn(u32) -> f32,
+) -> Vec<Photon> {
+    let photon = |i| {
+        let mut sampler = Sampler::new(7, 0, i);
+        let [x, z] = sampler.pair().map(|number| number as f32 - 0.5);
+        Photon {
+            position: place + Vec3::new(x, 0.0, z) * 0.1,
+            normal: Vec3::Y,
+            source: source(sampler.pair()),
+            power: power(i),
+        }
+    };
+    (0..count).map(photon).collect()
+}
+
+fn around_point([u, v]: [f64; 2], middle: Vec3, half: f32) -> Vec3 {
+    middle + Vec3::new(u as f32 - 0.5, 0.0, v as f32 - 0.5) * (2.0 * half)
+}
+
+/// Two bright patches, near and far, in an evenly lit hemisphere.
+fn patches() -> Vec<Photon> {
+    let mut all = photons(
+        2000,
+        Vec3::ZERO,
+        |pair| around_point(pair, Vec3::new(1.0, 2.0, 0.0), 0.1),
+        |_| 3.0,
+    );
+    all.extend(photons(
+        2000,
+        Vec3::ZERO,
+        |pair| around_point(pair, Vec3::new(-20.0, 9.0, 4.0), 0.5),
+        |_| 1.0,
+    ));
+    all.extend(lambertian(4000));
+    all
+}
+
+/// Light as even as BSDF sampling expects it: from everywhere, by the cosine.
+fn lambertian(count: u32) -> Vec<Photon> {
+    let far = |[u, v]: [f64; 2]| (around(DVec3::Y, u.sqrt(), v) * 50.0).as_vec3();
+    photons(count, Vec3::ZERO, far, |_| 1.0)
+}
+
+fn field(mut photons: Vec<Photon>) -> Field {
+    Field::learn(&mut photons)
+}
+
+/// Chi-square of sampled directions against the density, over a grid of equal solid angles; `fine`²
+/// points a cell integrate the density.
+fn assert_chi_square(cones: &Cones, fine: usize) {
+    let (columns, rows, count) = (24, 16, 1 << 16);
+    let cell = |direction: DVec3| {
+        let turn = (direction.z.atan2(direction.x) / (2.0 * PI)).rem_euclid(1.0);
+        let height = 0.5 * (1.0 + direction.y);
+        let index = |value: f64, count: usize| ((value * count as f64) as usize).min(count - 1);
+        index(height, rows) * columns + index(turn, columns)
+    };
+    let mut observed = vec![0.0; columns * rows];
+    for i in 0..count {
+        // One sample a pixel: stratified ones would fit too well.
+        let mut sampler = Sampler::new(11, i, 0);
+        let direction = cones.sample(sampler.number() * cones.share(), sampler.pair());
+        assert!((direction.length() - 1.0).abs() < 1e-9);
+        assert!(cones.density(direction) > 0.0, "a direction that is sampled has a density");
+        observed[cell(direction)] += 1.0;
+    }
+    let mut expected = vec![0.0; columns * rows];
+    let (width, height) = (columns * fine, rows * fine);
+    for i in 0..width * height {
+        let y = 2.0 * ((i / width) as f64 + 0.5) / height as f64 - 1.0;
+        let turn = ((i % width) as f64 + 0.5) / width as f64;
+        let direction = around(DVec3::Y, y, 0.0);
+        let radius = (1.0 - direction.y * direction.y).max(0.0).sqrt();
+        let (sine, cosine) = (turn * 2.0 * PI).sin_cos();
+        let direction = DVec3::new(radius * cosine, y, radius * sine);
+        expected[cell(direction)] += cones.density(direction) * 4.0 * PI / (width * height) as f64;
+    }
+    let integral: f64 = expected.iter().sum();
+    assert!((integral / cones.share() - 1.0).abs() < 0.01, "{integral} of {}", cones.share());
+    let (mut statistic, mut freedom) = (0.0, -1.0);
+    for (observed, expected) in observed.iter().zip(&expected) {
+        let expected = expected / integral * count as f64;
+        if expected > 20.0 {
+            statistic += (observed - expected).powi(2) / expected;
+            freedom += 1.0;
+        } else {
+            assert!(*observed < 60.0, "{observed} where {expected} are expected");
+        }
+    }
+    // Mean and standard deviation of a chi-square distribution; the grid's own error adds a little.
+    let excess = (statistic - freedom) / (2.0_f64 * freedom.max(1.0)).sqrt();
+    assert!(excess < 6.0, "chi-square {statistic} with {freedom} degrees of freedom");
+}
+
+#[test]
+fn sampled_directions_follow_their_density() {
+    let field = field(patches());
+    let sources = field.at(DVec3::ZERO, DVec3::Y).expect("light from patches");
+    // From where it was learned, from beside it, and from near a patch: wider cones.
+    for position in [DVec3::ZERO, DVec3::new(0.4, 0.0, 0.3), DVec3::new(0.9, 1.6, 0.0)] {
+        assert_chi_square(&sources.seen_from(position), 96);
+    }
+}
+
+#[test]
+fn patches_are_aimed_at_and_even_light_is_not() {
+    let learned = field(patches());
+    let cones = learned.at(DVec3::ZERO, DVec3::Y).expect("light").seen_from(DVec3::ZERO);
+    // 8000 of 12000 units of power come from the patches; what chance may have made is not aimed
+    // at.
+    assert!((0.35..0.67).contains(&cones.share()), "{}", cones.share());
+    for (patch, least) in [(DVec3::new(1.0, 2.0, 0.0), 10.0), (DVec3::new(-20.0, 9.0, 4.0), 10.0)] {
+        let density = cones.density(patch.normalize());
+        assert!(density > least, "{density} per steradian towards {patch}");
+    }
+    assert_eq!(cones.density(DVec3::new(0.0, 1.0, -1.0).normalize()), 0.0);
+    // From elsewhere, the near patch is where it is, not in the direction learned.
+    let aside = DVec3::new(0.5, 0.0, 0.0);
+    let cones = learned.at(DVec3::ZERO, DVec3::Y).expect("light").seen_from(aside);
+    assert!(cones.density((DVec3::new(1.0, 2.0, 0.0) - aside).normalize()) > 10.0);
+    let even = field(lambertian(20_000));
+    let share = even.at(DVec3::ZERO, DVec3::Y).map_or(0.0, |it| it.seen_from(DVec3::ZERO).share());
+    assert!(share < 0.1, "{share} of the samples aim at even light");
+}
+
+#[test]
+fn places_are_told_apart() {
+    let mut all = Vec::new();
+    for (place, source) in [(Vec3::ZERO, Vec3::Y), (Vec3::X * 10.0, Vec3::new(10.0, 1.0, 1.0))] {
+        all.extend(photons(3000, place, |pair| around_point(pair, source, 0.01), |_| 1.0));
+    }
+    let field = field(all);
+    for (place, towards) in [(DVec3::ZERO, DVec3::Y), (DVec3::X * 10.0, DVec3::new(0.0, 1.0, 1.0))]
+    {
+        let cones = field.at(place, DVec3::Y).expect("light").seen_from(place);
+        assert!(cones.density(towards.normalize()) > 10.0, "at {place}");
+        assert!(cones.share() < 1.0);
+        assert!(field.at(place, DVec3::NEG_Y).is_none(), "no light on the back");
+    }
+}
+
+#[test]
+fn extreme_photons_are_tolerated() {
+    let point = |power: f32| photons(500, Vec3::ZERO, |_| Vec3::Y, |_| power);
+    let here = |photons| {
+        let cones = field(photons).at(DVec3::ZERO, DVec3::Y)?.seen_from(DVec3::ZERO);
+        assert!((0.0..1.0).contains(&cones.share()), "{}", cones.share());
+        for i in 0..64 {
+            let mut sampler = Sampler::new(1, i, 0);
+            let direction = cones.sample(sampler.number() * cones.share(), sampler.pair());
+            let density = cones.density(direction);
+            assert!(direction.is_finite() && density.is_finite() && density >= 0.0, "{density}");
+        }
+        Some(cones.share())
+    };
+    assert_eq!(here(Vec::new()), None);
+    assert_eq!(here(point(1.0)[..3].to_vec()), None, "three photons prove nothing");
+    for power in [1e-30, 1.0, f32::MAX] {
+        assert!(here(point(power)).expect("all light comes from a point") > 0.5);
+    }
+    // One photon that outshines all others proves nothing either.
+    let power = |i| if i == 7 { 1e30 } else { 1e-6 };
+    assert!(Sources::learn(&mut photons(500, Vec3::ZERO, |_| Vec3::Y, power)).is_none());
+    // Light that comes from where it arrives.
+    here(photons(500, Vec3::ZERO, |_| Vec3::ZERO, |_| 1.0));
+    here(photons(500, Vec3::ZERO, |[u, v]| Vec3::new(u as f32, 0.0, v as f32) * 0.1, |_| 1.0));
+    here(photons(500, Vec3::ZERO, |_| Vec3::MAX, |_| 1.0));
+    // Seen from inside its sphere.
+    let learned = field(point(1.0));
+    let inside = learned.at(DVec3::ZERO, DVec3::Y).expect("light").seen_from(DVec3::Y);
+    assert_eq!((inside.share(), inside.density(DVec3::X)), (0.0, 0.0));
+}

@@ -1,0 +1,195 @@
+//! What a guide learns from photons before an image.
+
+use std::collections::HashSet;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::photons::{Emission, Start};
+use super::scene::ReferenceScene;
+use super::settings::Settings;
+use super::view::View;
+use crate::bsdf::{Bsdf, Surface};
+use crate::guide::{Field, Photon};
+use crate::sampler::Sampler;
+
+/// Photons per path of the image, and limits to their number: memory, and what is worth a pass.
+const PHOTONS_PER_PATH: f64 = 0.1;
+const FEWEST_PHOTONS: f64 = 16_384.0;
+const MOST_PHOTONS: f64 = 4_194_304.0;
+/// Photons that are traced one after the other.
+const CHAIN: u32 = 1024;
+/// About how many paths find out which places the image depends on.
+const SCOUTS: u32 = 1 << 15;
+/// Surfaces along a scout's path.
+const SCOUTED_SURFACES: u32 = 4;
+/// A place is a voxel; so many fit into the scene's diagonal.
+const VOXELS: f32 = 64.0;
+/// Random numbers that are not those of the image.
+const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Chance of a photon that owes nothing to the last one.
+const FRESH: f64 = 0.3;
+
+/// Learns where light comes from at the places that `view` depends on. The outer `None` where
+/// `interrupted`, the inner one where there is nothing to learn.
+///
+/// The image's own paths teach nothing, so that its samples are independent of the guide.
+pub(super) fn learn(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Option<Option<Field>> {
+    let Some(emission) = Emission::new(scene, settings) else { return Some(None) };
+    let settings = Settings { seed: settings.seed.wrapping_add(SEED), ..*settings };
+    let places = Places::new(scene, view, &settings);
+    let paths = f64::from(view.size.element_product()) * f64::from(settings.samples);
+    let count = (paths * PHOTONS_PER_PATH).clamp(FEWEST_PHOTONS, MOST_PHOTONS);
+    let chains = (0.5 * count / f64::from(CHAIN)).ceil() as u64;
+    // Half of the photons start anywhere, the other half near starts whose light was useful: in
+    // both, each useful start is as likely as any other.
+    let mut useful = Vec::new();
+    let mut photons = Vec::new();
+    for _ in 0..2 {
+        let round = u64::from(!photons.is_empty());
+        let found: Vec<Found> = (0..chains)
+            .into_par_iter()
+            .map(|chain| {
+                let pixel = 2 * chain + round;
+                (!interrupted()).then(|| {
+                    let first = useful.get((chain as usize * useful.len()) / chains as usize);
+                    trace_chain(&emission, &places, Sampler::new(settings.seed, pixel, 0), first)
+                })
+            })
+            .collect::<Option<_>>()?;
+        for found in found {
+            useful.extend(found.starts);
+            photons.extend(found.photons);
+        }
+        if photons.is_empty() {
+            return Some(None);
+        }
+    }
+    Some(Some(Field::learn(&mut photons)))
+}
+
+/// What a chain of photons found.
+#[derive(Default)]
+struct Found {
+    starts: Vec<Start>,
+    photons: Vec<Photon>,
+}
+
+/// Traces photons, each near the last one whose light was useful (Hachisuka and Jensen 2011, "Robust
+/// Adaptive Photon Tracing Using Photon Path Visibility"); with no such `first` one, all anywhere.
+fn trace_chain(
+    emission: &Emission,
+    places: &Places,
+    mut sampler: Sampler,
+    first: Option<&Start>,
+) -> Found {
+    let mut found = Found::default();
+    let mut last = first.copied();
+    // Photons of the last useful start, which count again when the next one is not useful.
+    let mut held: Vec<Photon> = Vec::new();
+    let mut times = 0.0;
+    for _ in 0..CHAIN {
+        let fresh = last.is_none_or(|_| sampler.number() < FRESH);
+        let scale = 0.5_f64.powf(1.0 + 9.0 * sampler.number());
+        let start: Start = std::array::from_fn(|i| {
+            let number = sampler.number();
+            match last {
+                Some(last) if !fresh => {
+                    (last[i] + (number - 0.5) * scale).rem_euclid(1.0).min(1.0 - f64::EPSILON)
+                }
+                _ => number,
+            }
+        });
+        let mut arrived = Vec::new();
+        emission.trace(&start, &mut sampler, |photon| {
+            if places.contain(photon.position, photon.normal) {
+                arrived.push(photon);
+            }
+        });
+        if first.is_none() {
+            if !arrived.is_empty() {
+                found.starts.push(start);
+            }
+            found.photons.append(&mut arrived);
+        } else if arrived.is_empty() {
+            times += 1.0;
+        } else {
+            found.keep(&mut held, times);
+            (held, times, last) = (arrived, 1.0, Some(start));
+        }
+    }
+    found.keep(&mut held, times);
+    found
+}
+
+impl Found {
+    fn keep(&mut self, photons: &mut Vec<Photon>, times: f32) {
+        let weighed = |photon: Photon| Photon { power: photon.power * times, ..photon };
+        self.photons.extend(photons.drain(..).map(weighed));
+    }
+}
+
+/// Places where the paths of an image have surfaces.
+struct Places {
+    voxels: HashSet<[i32; 4]>,
+    voxel: f32,
+}
+
+impl Places {
+    fn new(scene: &ReferenceScene, view: &View, settings: &Settings) -> Self {
+        let bounds = scene.geometry.bounds();
+        let diagonal = bounds.map_or(0.0, |bounds| (bounds.max - bounds.min).length());
+        let mut places = Self { voxels: HashSet::new(), voxel: diagonal / VOXELS };
+        let scouted: Vec<Vec<(Vec3, Vec3)>> = (0..SCOUTS / 256)
+            .into_par_iter()
+            .map(|chunk| {
+                let mut surfaces = Vec::new();
+                for path in 0..256 {
+                    let sampler = &mut Sampler::new(settings.seed, u64::from(chunk), path);
+                    scout(scene, view, settings, sampler, &mut surfaces);
+                }
+                surfaces
+            })
+            .collect();
+        for (position, normal) in scouted.into_iter().flatten() {
+            places.voxels.insert(places.voxel(position, normal));
+        }
+        places
+    }
+
+    fn contain(&self, position: Vec3, normal: Vec3) -> bool {
+        self.voxels.contains(&self.voxel(position, normal))
+    }
+
+    fn voxel(&self, position: Vec3, normal: Vec3) -> [i32; 4] {
+        let [x, y, z] = (position / self.voxel).floor().to_array().map(|value| value as i32);
+        let axis = normal.abs().max_position();
+        [x, y, z, 2 * axis as i32 + i32::from(normal[axis] < 0.0)]
+    }
+}
+
+/// Follows a path from anywhere in the image, and adds positions and normals of its surfaces.
+fn scout(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    sampler: &mut Sampler,
+    surfaces: &mut Vec<(Vec3, Vec3)>,
+) {
+    let [x, y] = sampler.pair();
+    let size = view.size.as_dvec2();
+    let (mut origin, mut direction) = view.ray(x * size.x, y * size.y);
+    for _ in 0..SCOUTED_SURFACES {
+        let Some(hit) = scene.closest(origin, direction) else { return };
+        let surface = Surface::new(&scene.geometry, &hit);
+        surfaces.push((surface.position.as_vec3(), surface.geometric_normal.as_vec3()));
+        let bsdf = Bsdf::new(&surface, -direction, settings.shading);
+        let Some(sample) = bsdf.sample(sampler) else { return };
+        (origin, direction) = (surface.ray_origin(), sample.direction);
+    }
+}

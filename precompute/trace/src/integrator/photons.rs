@@ -1,0 +1,196 @@
+//! Light along paths from the lights: photons, from which a guide learns.
+//!
+//! Jensen 1996, "Global Illumination using Photon Maps". A guide need not be exact, so that shading
+//! normals need no correction here.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+
+use super::scene::ReferenceScene;
+use super::settings::{Settings, Strategy};
+use crate::bsdf::{Bsdf, Surface};
+use crate::color::luminance;
+use crate::guide::{Photon, around};
+use crate::light::{PunctualLight, Sky};
+use crate::sampler::Sampler;
+
+/// Metres to where parallel light is taken to come from.
+const FAR: f64 = 1e4;
+/// Greatest survival probability.
+const GREATEST_SURVIVAL: f64 = 0.95;
+
+/// All lights, as sources of photons.
+#[derive(Debug)]
+pub(super) struct Emission<'a> {
+    scene: &'a ReferenceScene,
+    settings: &'a Settings,
+    /// Middle and radius of a sphere around the scene, metres.
+    middle: DVec3,
+    radius: f64,
+    /// Running sum of the lights' powers: punctual lights, then emissive triangles, then the sky.
+    cumulative: Vec<f64>,
+}
+
+/// Light on its way.
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    origin: Vec3,
+    direction: DVec3,
+    power: DVec3,
+    /// Where it comes from.
+    source: Vec3,
+    /// Whether paths find it without a guide: they sample its light itself.
+    is_sampled: bool,
+}
+
+/// Random numbers that choose a light, a point on it and a direction.
+pub(super) type Start = [f64; 5];
+
+impl<'a> Emission<'a> {
+    /// `None` where there is no light or nothing to light.
+    pub(super) fn new(scene: &'a ReferenceScene, settings: &'a Settings) -> Option<Self> {
+        let bounds = scene.geometry.bounds()?;
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
+        let disc = PI * radius * radius;
+        let punctual = scene.lights.iter().map(|light| match light {
+            PunctualLight::Directional { illuminance, .. } => luminance(*illuminance) * disc,
+            PunctualLight::Positional { intensity, cone, .. } => {
+                luminance(*intensity) * TAU * (1.0 - least_cosine(*cone))
+            }
+        });
+        let sky = match &scene.sky {
+            Sky::Black => 0.0,
+            Sky::Constant(radiance) => luminance(*radiance) * 4.0 * PI * disc,
+            Sky::Map(_) => scene.sky.power() * disc,
+        };
+        let mut sum = 0.0;
+        let cumulative: Vec<f64> = punctual
+            .chain([PI * scene.emitters.power(), sky])
+            .map(|power| {
+                sum += if power.is_finite() { power } else { 0.0 };
+                sum
+            })
+            .collect();
+        (sum > 0.0 && sum.is_finite() && radius > 0.0).then_some(Self {
+            scene,
+            settings,
+            middle,
+            radius,
+            cumulative,
+        })
+    }
+
+    /// Traces one photon from `start`, and calls `arrived` wherever it arrives with light that
+    /// paths do not find by sampling lights.
+    pub(super) fn trace(
+        &self,
+        start: &Start,
+        sampler: &mut Sampler,
+        mut arrived: impl FnMut(Photon),
+    ) {
+        let Some(mut flight) = self.emit(start) else { return };
+        for surfaces in 0.. {
+            let Some(hit) = self.scene.closest(flight.origin, flight.direction) else { return };
+            let surface = Surface::new(&self.scene.geometry, &hit);
+            let power = luminance(flight.power) as f32;
+            if !flight.is_sampled && power > 0.0 && power.is_finite() {
+                arrived(Photon {
+                    position: surface.position.as_vec3(),
+                    normal: surface.geometric_normal.as_vec3(),
+                    source: flight.source,
+                    power,
+                });
+            }
+            if self.settings.bounces.is_some_and(|bounces| surfaces >= bounces) {
+                return;
+            }
+            let bsdf = Bsdf::new(&surface, -flight.direction, self.settings.shading);
+            let Some(scattering) = bsdf.sample(sampler) else { return };
+            let survival = luminance(scattering.weight).min(GREATEST_SURVIVAL);
+            if sampler.number() >= survival {
+                return;
+            }
+            flight = Flight {
+                origin: surface.ray_origin(),
+                direction: scattering.direction,
+                power: flight.power * scattering.weight / survival,
+                source: surface.position.as_vec3(),
+                is_sampled: false,
+            };
+        }
+    }
+
+    fn emit(&self, &[choice, a, b, c, d]: &Start) -> Option<Flight> {
+        let total = *self.cumulative.last()?;
+        let choice = choice * total;
+        let index = self.cumulative.partition_point(|sum| *sum <= choice);
+        let index = index.min(self.cumulative.len() - 1);
+        let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let own = self.cumulative[index] - before;
+        // What is left of the choice chooses within the light.
+        let rest = ((choice - before) / own).clamp(0.0, 1.0 - f64::EPSILON);
+        let samples_lights = self.settings.strategy != Strategy::Scattering;
+        let flight = if let Some(light) = self.scene.lights.get(index) {
+            match *light {
+                PunctualLight::Directional { towards, illuminance } => {
+                    self.parallel(towards, illuminance, [a, b], true)
+                }
+                PunctualLight::Positional { position, intensity, axis, cone, .. } => {
+                    let least = least_cosine(cone);
+                    let cosine = 1.0 - (1.0 - least) * a;
+                    let mask = (cosine * cone.0 + cone.1).clamp(0.0, 1.0).powi(2);
+                    Flight {
+                        origin: position.as_vec3(),
+                        direction: around(axis, cosine, b),
+                        power: intensity * (mask * TAU * (1.0 - least)),
+                        source: position.as_vec3(),
+                        is_sampled: true,
+                    }
+                }
+            }
+        } else if index == self.scene.lights.len() {
+            let point = self.scene.emitters.sample(rest, [a, b])?;
+            let surface = Surface::new(&self.scene.geometry, &point.hit);
+            Flight {
+                origin: surface.ray_origin(),
+                direction: around(surface.geometric_normal, c.sqrt(), d),
+                power: surface.emission * (PI / point.density),
+                source: surface.position.as_vec3(),
+                is_sampled: samples_lights,
+            }
+        } else if let Some(sky) = self.scene.sky.sample(rest, [a, b]) {
+            self.parallel(sky.direction, sky.radiance / sky.density, [c, d], samples_lights)
+        } else {
+            let towards = around(DVec3::Y, 1.0 - 2.0 * a, b);
+            let illuminance = self.scene.sky.radiance(towards) * (4.0 * PI);
+            self.parallel(towards, illuminance, [c, d], false)
+        };
+        Some(Flight { power: flight.power * (total / own), ..flight })
+    }
+
+    /// Parallel light from `towards` through a disc that covers the scene.
+    fn parallel(
+        &self,
+        towards: DVec3,
+        illuminance: DVec3,
+        [u1, u2]: [f64; 2],
+        is_sampled: bool,
+    ) -> Flight {
+        let offset = around(towards, 0.0, u2) * (self.radius * u1.sqrt());
+        let origin = self.middle + towards * self.radius + offset;
+        Flight {
+            origin: origin.as_vec3(),
+            direction: -towards,
+            power: illuminance * (PI * self.radius * self.radius),
+            source: (origin + towards * FAR).as_vec3(),
+            is_sampled,
+        }
+    }
+}
+
+/// Cosine of a spot light's outer angle; −1 without a cone.
+fn least_cosine((scale, offset): (f64, f64)) -> f64 {
+    if scale > 0.0 { (-offset / scale).max(-1.0) } else { -1.0 }
+}

@@ -1,0 +1,59 @@
+//! A camera's rays, and what they hit first.
+
+use glam::{DVec3, UVec2, Vec3};
+use rayon::prelude::*;
+
+use super::scene::ReferenceScene;
+use crate::bsdf::Surface;
+use crate::scene::CameraPose;
+
+/// A camera's pose, lens and resolution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Position and rotation.
+    pub pose: CameraPose,
+    /// Vertical field of view, degrees, in (0, 180).
+    pub vertical_fov_degrees: f32,
+    /// Distance of the near plane, metres; nearer geometry is clipped, as in the renderer. There is
+    /// no far plane, as in Bevy.
+    pub near: f32,
+    /// Width and height, pixels.
+    pub size: UVec2,
+}
+
+/// What a camera ray hits first: a surface point and its normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FirstHit {
+    /// World space, metres.
+    pub position: DVec3,
+    /// Geometric normal on the visible side, unit length.
+    pub normal: DVec3,
+}
+
+/// The surface at each pixel's centre, row by row; `None` where there is none.
+pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<FirstHit>> {
+    let pixel = |index: u32| {
+        let (origin, direction) =
+            view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
+        let surface = Surface::new(&scene.geometry, &scene.closest(origin, direction)?);
+        Some(FirstHit { position: surface.position, normal: surface.geometric_normal })
+    };
+    (0..view.size.element_product()).into_par_iter().map(pixel).collect()
+}
+
+impl View {
+    /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
+    /// pixels from its upper left corner.
+    pub(super) fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
+        let size = self.size.as_dvec2();
+        let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
+        let half_width = half_height * size.x / size.y;
+        let ahead = DVec3::new(
+            (2.0 * x / size.x - 1.0) * half_width,
+            (1.0 - 2.0 * y / size.y) * half_height,
+            -1.0,
+        );
+        let ray = self.pose.rotation.as_dquat() * ahead;
+        ((self.pose.position.as_dvec3() + ray * f64::from(self.near)).as_vec3(), ray.normalize())
+    }
+}
