@@ -13,7 +13,6 @@ mod device;
 mod evaluate;
 mod inspect;
 mod meters;
-mod quantile;
 mod report;
 pub mod scene;
 pub mod stage;

@@ -4,8 +4,14 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use bevy_frugal_gi::error_meter::ErrorMeter;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::{FrontierMap, SceneIdentity};
+use frugal_search::evaluate::{
+    Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Policy, PowerBudget, Trial,
+    parse_error_budget, settings_to_record,
+};
 use frugal_search::journal::{Existing, Journal, JournalHeader, hash};
 
 use super::CliError;
@@ -13,10 +19,9 @@ use super::arguments::{WorkerArguments, check_outputs, check_report, json, write
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
 use super::progress::Progress;
+use crate::default_settings::default_settings;
 use crate::evaluate::{
-    self, Baselines, BudgetRequest, EvaluationError, EvaluationResult, PathPlan, PathRecord,
-    Policy, PowerBudget, RecordError, Trial, frames_csv, parse_error_budget, pictures,
-    play_for_real, settings_to_record, table,
+    self, EvaluationError, RecordError, frames_csv, pictures, play_for_real, table,
 };
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
@@ -41,7 +46,7 @@ pub(super) struct Arguments {
     error_budget: Vec<String>,
     /// Baselines to compare with, all simulated from a record of the path. Quick ones are presets,
     /// resolution, and the constant by training cameras
-    #[arg(long, value_name = "WHICH", default_value = "quick")]
+    #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = baselines())]
     baselines: Baselines,
     /// Record of the path to resume and extend: power and error of settings in every frame; default:
     /// beside the map, and none of quick comparisons
@@ -69,6 +74,21 @@ pub(super) struct Arguments {
     /// Folder for a page with images and plots
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+}
+
+/// The extents of a comparison by their names.
+fn baselines() -> impl TypedValueParser<Value = Baselines> {
+    let names = [
+        ("all", "Constants, oracles, the reactive ladder, presets, resolution"),
+        ("quick", "Presets, resolution, and the constant by training cameras"),
+        ("none", "None: the frugal run alone"),
+    ];
+    let names = names.map(|(name, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).map(|name| match name.as_str() {
+        "all" => Baselines::All,
+        "none" => Baselines::None,
+        _ => Baselines::Quick,
+    })
 }
 
 fn transition(text: &str) -> Result<Duration, String> {
@@ -173,6 +193,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         meter: &meter,
         control: arguments.control(),
         baselines: arguments.baselines,
+        default: default_settings(&map.knobs),
+        meter_interval: |count| ErrorMeter::default().interval(count),
     };
     let mut results: Vec<EvaluationResult> =
         budgets.iter().map(|budget| trial.judge(budget)).collect();
@@ -269,12 +291,12 @@ fn record(
     let header = rendered_by(header, &map.knobs, &stage.meter())?;
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
-    let settings = settings_to_record(map, baselines);
+    let settings = settings_to_record(map, baselines, default_settings(&map.knobs));
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }
     let recorded = with_progress(|on_frame| {
-        record.extend(stage.processes(), &settings, &mut journal, on_frame)
+        evaluate::extend(&mut record, stage.processes(), &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
         RecordError::Journal(error) => of.failed(&error),

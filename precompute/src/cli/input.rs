@@ -5,9 +5,11 @@ use std::path::Path;
 use frugal_core::frontier::{FrontierMap, SceneIdentity};
 use frugal_core::knobs::did_you_mean;
 
+use frugal_search::evaluate::PathPlan;
+
 use super::CliError;
 use super::arguments::CaptureArguments;
-use crate::evaluate::PathPlan;
+use crate::evaluate::plan_along;
 use crate::scene::{self, CameraPath, LoadedScene, SceneDescription};
 use crate::stage::{self, StageOptions};
 
@@ -69,7 +71,7 @@ pub(super) fn plan_path(
     fps: f64,
 ) -> Result<PathPlan, CliError> {
     let path = path_called(scene, name)?;
-    PathPlan::along(name, path, fps).map_err(CliError::usage)
+    plan_along(name, path, fps).map_err(CliError::usage)
 }
 
 /// Names of the requested knobs, or of those that affect the scene.

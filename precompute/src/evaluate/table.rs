@@ -5,7 +5,7 @@ use std::io;
 
 use frugal_core::knobs::KnobSpace;
 
-use super::{EvaluationResult, RunResult};
+use frugal_search::evaluate::{EvaluationResult, RunResult};
 
 /// Heads of the columns of [`table`].
 pub(crate) const TABLE_HEADERS: [&str; 8] =
@@ -145,8 +145,9 @@ pub(crate) fn frames_csv(
 
 #[cfg(test)]
 mod tests {
+    use frugal_search::testing::formula::{judged, space};
+
     use super::*;
-    use crate::evaluate::fake::{judged, space};
 
     fn result() -> EvaluationResult {
         let mut result = judged(Some("10%"), None);

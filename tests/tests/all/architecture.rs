@@ -64,7 +64,6 @@ const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "scene_ex
 
 /// The tool's parts.
 const TOOL: &[&str] = &[
-    "quantile",
     "scene",
     "subject",
     "meters",
@@ -85,6 +84,7 @@ const SEARCH: &[&str] = &[
     "farthest",
     "medoids",
     "linalg",
+    "quantile",
     "journal",
     "cameras",
     "view_features",
@@ -94,6 +94,7 @@ const SEARCH: &[&str] = &[
     "pool",
     "fit",
     "pipeline",
+    "evaluate",
 ];
 
 /// The path tracer's parts.

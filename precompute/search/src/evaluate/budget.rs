@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// A power limit as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum PowerBudget {
+pub enum PowerBudget {
     /// In watts, above 0 and finite.
     Power(Watts),
     /// A position between the mean powers of the lowest and the highest settings: above 0 (lowest)
@@ -18,7 +18,7 @@ pub(crate) enum PowerBudget {
 
 impl PowerBudget {
     /// Reads watts, with or without a `W`, or a percentage, whatever the number.
-    pub(crate) fn read(text: &str) -> Option<Self> {
+    pub fn read(text: &str) -> Option<Self> {
         let text = text.trim();
         let number = |number: &str| number.trim_end().parse::<f64>().ok();
         match text.strip_suffix('%') {
@@ -64,7 +64,7 @@ impl fmt::Display for PowerBudget {
 ///
 /// # Errors
 /// When the text is not a number in that range.
-pub(crate) fn parse_error_budget(text: &str) -> Result<f64, String> {
+pub fn parse_error_budget(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number > 0.0 && number <= 2.0 => Ok(number),
         Ok(_) => Err(format!(
@@ -76,7 +76,7 @@ pub(crate) fn parse_error_budget(text: &str) -> Result<f64, String> {
 
 /// A request for a limit on power, on error, on both, or on neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct BudgetRequest {
+pub struct BudgetRequest {
     /// Limit on power.
     pub power: Option<PowerBudget>,
     /// Limit on error, 1 − SSIM.
@@ -86,7 +86,7 @@ pub(crate) struct BudgetRequest {
 impl BudgetRequest {
     /// The budget in watts; `lowest` and `highest` are the mean powers of the cheapest and the best
     /// settings on the path.
-    pub(crate) fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
+    pub fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
         let power = self.power.map(|power| match power {
             PowerBudget::Power(watts) => watts,
             PowerBudget::Share(share) => lowest + (highest - lowest) * share,
@@ -108,7 +108,7 @@ impl fmt::Display for BudgetRequest {
 
 /// A budget in absolute terms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ResolvedBudget {
+pub struct ResolvedBudget {
     /// Limit on power.
     pub power_w: Option<Watts>,
     /// Limit on error, 1 − SSIM.
@@ -117,7 +117,7 @@ pub(crate) struct ResolvedBudget {
 
 impl ResolvedBudget {
     /// Whether `power` and `error` are within the limits. NaN never is within a limit.
-    pub(crate) fn keeps(&self, power: Watts, error: f64) -> bool {
+    pub fn keeps(&self, power: Watts, error: f64) -> bool {
         self.power_w.is_none_or(|limit| power <= limit)
             && self.error.is_none_or(|limit| error <= limit)
     }

@@ -6,16 +6,15 @@
 //! between the recorded ones before and after. The spot check of an
 //! [`EvaluationResult`](super::EvaluationResult) measures the difference with a rendered run.
 
+use crate::table::CostTable;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
-use frugal_search::journal::JournalError;
-use frugal_search::table::CostTable;
 
-use super::{Choice, EvaluationError, FrameRecord, PathPlan, Policy};
+use super::{Choice, FrameRecord, PathPlan, Policy};
 
 /// Costs of settings at every frame of a path.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PathRecord {
+pub struct PathRecord {
     /// The path.
     pub path: PathPlan,
     /// The knobs that settings refer to.
@@ -24,21 +23,10 @@ pub(crate) struct PathRecord {
     pub table: CostTable,
 }
 
-/// Why a path was not recorded. `E` is the frame renderer's error.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum RecordError<E> {
-    /// Rendering failed, or was interrupted. Earlier records are kept.
-    #[error(transparent)]
-    Play(#[from] EvaluationError<E>),
-    /// The record could not be written.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-}
-
 impl PathRecord {
     /// A record of `path` from a journal's lines; lines of other kinds, and incomplete runs, are
     /// left out.
-    pub(crate) fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
+    pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
         let mut table = CostTable::new(path.poses().len());
         for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
             table.set(frame, settings, cost);
@@ -55,13 +43,13 @@ impl PathRecord {
     }
 
     /// Simulates a policy's run from this record.
-    pub(crate) fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+    pub fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
         self.walk(policy, 0..self.path.poses().len())
     }
 
     /// Simulates a policy's run along the path and back to its start: the frames of the way there
     /// and of the way back, both in the path's order.
-    pub(crate) fn simulate_return(&self, policy: &mut dyn Policy) -> [Vec<FrameRecord>; 2] {
+    pub fn simulate_return(&self, policy: &mut dyn Policy) -> [Vec<FrameRecord>; 2] {
         let frames = 0..self.path.poses().len();
         let there = self.walk(policy, frames.clone());
         let mut back = self.walk(policy, frames.rev());
@@ -95,7 +83,7 @@ impl PathRecord {
     /// Cost of `settings` at a frame. `last`: the last recorded settings of the run. Unrecorded
     /// settings between them and `target` are interpolated by the share of level steps completed,
     /// in the logarithms of power and error.
-    pub(super) fn cost(
+    pub fn cost(
         &self,
         frame: usize,
         settings: KnobLevels,
@@ -145,29 +133,12 @@ fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
-    use frugal_search::journal::{Existing, Journal, JournalHeader};
-
     use super::*;
-    use crate::evaluate::fake::{Fake, path, space};
-    use crate::evaluate::play::{Against, play};
     use crate::evaluate::{Fixed, Pose};
+    use crate::testing::formula::{path, record_of, space};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
-        let folder = tempfile::tempdir().expect("a folder");
-        let (file, header) = (folder.path().join("journal"), JournalHeader::default());
-        let (mut journal, _) = Journal::open(&file, &header, Existing::Refuse).expect("a journal");
-        let mut record = PathRecord::restore(&path(), &space(), &[]);
-        record
-            .extend(
-                &mut [Fake::default(), Fake::default(), Fake::default()],
-                settings,
-                &mut journal,
-                &mut |_| ControlFlow::Continue(()),
-            )
-            .expect("plays");
-        record
+        record_of(path(), space(), settings)
     }
 
     #[test]
@@ -186,26 +157,6 @@ mod tests {
         assert_eq!(visited, walked);
         assert_eq!(there, record.simulate(&mut Fixed(low)));
         assert_eq!(back, record.simulate(&mut Fixed(high)), "in the path's order, too");
-    }
-
-    #[test]
-    fn constants_cost_the_same_simulated_and_rendered() {
-        let (low, high) = (space().canonical(space().lowest()), space().highest());
-        let record = recorded(&[low, high, low]);
-        assert_eq!(record.table.settings(), [high, low], "once each, the references first");
-        for settings in [low, high] {
-            let mut references = Vec::new();
-            let mut renderer = Fake::default();
-            let mut run = |settings, against: Against<'_>| {
-                play(&mut renderer, &path(), "run", &mut Fixed(settings), against, &mut || {
-                    ControlFlow::Continue(())
-                })
-                .expect("plays")
-            };
-            run(high, Against::Collect(&mut references));
-            let real = run(settings, Against::Compare(&references));
-            assert_eq!(record.simulate(&mut Fixed(settings)), real);
-        }
     }
 
     #[test]

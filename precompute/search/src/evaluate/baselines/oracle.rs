@@ -1,8 +1,8 @@
 //! Upper bounds: policies that know every frame's costs in advance.
 
+use crate::table::CostTable;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
-use frugal_search::table::CostTable;
 
 use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
 
@@ -13,7 +13,7 @@ const HALVINGS: usize = 64;
 
 /// Settings of each frame, chosen in advance.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Oracle(pub Vec<KnobLevels>);
+pub struct Oracle(pub Vec<KnobLevels>);
 
 impl Policy for Oracle {
     fn decide(&mut self, frame: usize, _: f64, _: &Pose) -> Choice {
@@ -27,7 +27,7 @@ impl Policy for Oracle {
 /// mean over the path keeps it: each frame minimises P + λe, with the least λ that does (Everett
 /// 1963, "Generalized Lagrange multiplier method"). `is_met` tests whether settings for all frames
 /// keep the error budget, by the table alone or through a filter.
-pub(crate) fn oracle(
+pub fn oracle(
     table: &CostTable,
     budget: &ResolvedBudget,
     is_met: &mut dyn FnMut(&Oracle) -> bool,

@@ -10,19 +10,18 @@ use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle}
 use super::bootstrap::dominates;
 use super::result::mean_error;
 use super::{
-    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
-    Pose, PowerBudget, ResolvedBudget, RunResult,
+    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, MeterInterval,
+    PathRecord, Policy, Pose, PowerBudget, ResolvedBudget, RunResult,
 };
-use crate::default_settings::default_settings;
 
 /// Extent of the comparison.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Baselines {
-    /// Constants, oracles, the reactive ladder, presets, resolution
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Baselines {
+    /// Constants, oracles, the reactive ladder, presets, resolution.
     All,
-    /// Presets, resolution, and the constant by training cameras
+    /// Presets, resolution, and the constant by training cameras.
     Quick,
-    /// None: the frugal run alone
+    /// None: the frugal run alone.
     None,
 }
 
@@ -44,8 +43,12 @@ const METER_FPS: f64 = 60.0;
 const MAX_WALKS: f64 = 400.0;
 
 /// Settings to record for a comparison: the ends and those of the map, the presets and those with
-/// only the resolution lowered, the default and those with only the share of GI pixels lowered.
-pub(crate) fn settings_to_record(map: &FrontierMap, baselines: Baselines) -> Vec<KnobLevels> {
+/// only the resolution lowered, `default` and those with only the share of GI pixels lowered.
+pub fn settings_to_record(
+    map: &FrontierMap,
+    baselines: Baselines,
+    default: KnobLevels,
+) -> Vec<KnobLevels> {
     let space = &map.knobs;
     let mut all = vec![space.highest(), space.lowest()];
     if baselines != Baselines::None {
@@ -53,7 +56,7 @@ pub(crate) fn settings_to_record(map: &FrontierMap, baselines: Baselines) -> Vec
         all.extend(levels_of(space, RESOLUTION_KNOB));
     }
     if baselines == Baselines::All {
-        all.push(default_settings(space));
+        all.push(default);
         all.extend(levels_of(space, "gi_pixel_fraction"));
     }
     all.extend(map.settings());
@@ -70,7 +73,7 @@ fn levels_of(space: &KnobSpace, name: &str) -> Vec<KnobLevels> {
 
 /// What is compared, and under which conditions.
 #[derive(Clone, Copy)]
-pub(crate) struct Trial<'a> {
+pub struct Trial<'a> {
     /// The scene's name, for the result.
     pub scene: &'a str,
     /// Costs along the path.
@@ -87,16 +90,20 @@ pub(crate) struct Trial<'a> {
     pub control: ControlSettings,
     /// What to compare with.
     pub baselines: Baselines,
+    /// The settings of an app that sets nothing.
+    pub default: KnobLevels,
+    /// How often an error meter measures.
+    pub meter_interval: MeterInterval,
 }
 
 impl<'a> Trial<'a> {
     /// The controller under a budget.
-    pub(crate) fn controller(&self, budget: &ResolvedBudget) -> Controller<'a> {
+    pub fn controller(&self, budget: &ResolvedBudget) -> Controller<'a> {
         Controller::new(self.map, budget, self.lens, self.control)
     }
 
     /// Simulates all runs under a budget.
-    pub(crate) fn judge(&self, request: &BudgetRequest) -> EvaluationResult {
+    pub fn judge(&self, request: &BudgetRequest) -> EvaluationResult {
         let (record, path) = (self.record, &self.record.path);
         let [lowest, highest] = [record.space.lowest(), record.space.highest()]
             .map(|settings| self.mean(settings).power);
@@ -173,7 +180,8 @@ impl<'a> Trial<'a> {
             ("minimum", fixed(space.lowest()), None),
         ];
         if is_all && budget.error.is_some() {
-            let series = measured(record, self.controller(budget), best);
+            let series =
+                measured(record, self.controller(budget).measuring(self.meter_interval), best);
             runs.push((
                 "frugal-measured",
                 series,
@@ -188,7 +196,7 @@ impl<'a> Trial<'a> {
             runs.push(("resolution-only", fixed(settings), (!is_met).then_some(closest)));
         }
         if is_all {
-            runs.push(("default", fixed(default_settings(space)), None));
+            runs.push(("default", fixed(self.default), None));
         }
         if is_all && let Some((settings, _)) = best_constant(&record.table, budget) {
             runs.push(("best-constant", fixed(settings), note("tuned on this path")));
@@ -217,8 +225,7 @@ type Run = (&'static str, Vec<FrameRecord>, Option<String>);
 /// The mean of some walks along the path and back after as many others, with an error meter. A
 /// single walk's mean is off by what the next one makes good. A walk goes on where the last one
 /// ended. `best`: power of the best settings.
-fn measured(record: &PathRecord, controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
-    let mut controller = controller.measuring();
+fn measured(record: &PathRecord, mut controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
     let seconds = 2.0 * record.path.poses().len() as f64 / record.path.fps();
     let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MAX_WALKS);
     for _ in 0..walks as u32 {

@@ -13,14 +13,14 @@
 mod oracle;
 mod reactive;
 
+use crate::table::CostTable;
 use frugal_core::frontier::{CostPoint, Frontier};
 use frugal_core::knobs::KnobLevels;
-use frugal_search::table::CostTable;
 
 use crate::evaluate::ResolvedBudget;
 
-pub(crate) use oracle::{Oracle, oracle};
-pub(crate) use reactive::{Reactive, ladder};
+pub use oracle::{Oracle, oracle};
+pub use reactive::{Reactive, ladder};
 
 /// The best settings for `budget` by their mean costs, among those known at every camera of
 /// `table`.
@@ -28,7 +28,7 @@ pub(crate) use reactive::{Reactive, ladder};
 /// Under a power budget, the least mean error within it; under an error budget alone, the least
 /// mean power within it. Where no settings meet it, the nearest. `None` for a table without a
 /// complete column.
-pub(crate) fn best_constant(
+pub fn best_constant(
     table: &CostTable,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {
@@ -42,7 +42,7 @@ pub(crate) fn best_constant(
 }
 
 /// The same among the points of `trained`: mean costs at other cameras.
-pub(crate) fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
+pub fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
     let points = trained.points().iter().map(|point| (point.settings, point.cost));
     best_of(points, budget).map(|(settings, _)| settings)
 }

@@ -18,7 +18,7 @@ const DWELL_SECONDS: f64 = 0.5;
 
 /// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest
 /// first.
-pub(crate) fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
+pub fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
     let points = frontier.points();
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
     let (low, high) = (first.cost.power.0.max(1e-9).ln(), last.cost.power.0.max(1e-9).ln());
@@ -39,7 +39,7 @@ pub(crate) fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
 ///
 /// Under an error budget it measures the error itself, which no app can: a generous baseline.
 #[derive(Clone, Debug)]
-pub(crate) struct Reactive {
+pub struct Reactive {
     ladder: Vec<KnobLevels>,
     rung: usize,
     budget: ResolvedBudget,
@@ -50,7 +50,7 @@ pub(crate) struct Reactive {
 
 impl Reactive {
     /// A policy that starts at the top rung. `ladder`: the cheapest settings first.
-    pub(crate) fn new(ladder: Vec<KnobLevels>, budget: ResolvedBudget) -> Self {
+    pub fn new(ladder: Vec<KnobLevels>, budget: ResolvedBudget) -> Self {
         Self { rung: ladder.len().saturating_sub(1), ladder, budget, dt: 0.0, loads: Vec::new() }
     }
 
@@ -105,7 +105,7 @@ mod tests {
     use frugal_core::units::Watts;
 
     use super::*;
-    use crate::evaluate::fake::path;
+    use crate::testing::formula::path;
 
     fn frontier() -> Frontier {
         Frontier::from_points((0..20u128).map(|bits| FrontierPoint {

@@ -1,13 +1,10 @@
 //! Comparisons on a record of known power and error.
 
-use std::ops::ControlFlow;
-
 use frugal_core::frontier::{Frontier, FrontierPoint};
 use frugal_core::units::Watts;
 
 use super::*;
-use crate::evaluate::fake::{Fake, error, judged, map, path, power, recorded, space, trial};
-use crate::evaluate::{EvaluationError, play_for_real};
+use crate::testing::formula::{error, judged, map, power, recorded, space, trial};
 
 fn run<'a>(result: &'a EvaluationResult, name: &str) -> &'a RunResult {
     result.runs.iter().find(|run| run.name == name).unwrap()
@@ -124,51 +121,6 @@ fn the_oracle_and_the_best_constant_bound_the_gap() {
     let [oracle, constant] = ["oracle", "best-constant"].map(|name| run(&result, name).mean_error);
     assert!(oracle <= constant + 1e-9, "{oracle} {constant}");
     assert!(result.gap_closed.is_none_or(|gap| gap <= 1.0 + 1e-9), "{:?}", result.gap_closed);
-}
-
-#[test]
-fn a_real_play_checks_the_record_and_finds_drift() {
-    let map = map(space());
-    let record = recorded(&map, Baselines::Quick);
-    let trial = trial(&record, &map, Baselines::Quick);
-    let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
-    let mut result = trial.judge(&budget);
-    let mut renderer = Fake { drift: 0.2, ..Fake::default() };
-    let mut policies: Vec<Box<dyn Policy + '_>> = vec![Box::new(trial.controller(&result.budget))];
-    let mut seen = 0;
-    let real =
-        play_for_real(&mut renderer, &path(), space().highest(), &mut policies, &mut |progress| {
-            seen = progress.frames_done;
-            assert!(progress.frames_done <= progress.frames_total);
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-    assert_eq!((renderer.runs.join(", ").as_str(), seen), ("maximum, frugal, maximum again", 30));
-    result.add_check(&real.runs[0], real.drift);
-    assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
-    assert_eq!(result.drift.repeat_max_error, 0.0);
-    assert!(result.warnings.last().unwrap().contains("the machine's"));
-    let check = result.spot_check.unwrap();
-    assert_eq!(check.recorded_mean_power_w, result.runs[0].mean_power_w);
-    assert!((check.mean_power_w.0 - 0.2 - check.recorded_mean_power_w.0).abs() < 1e-6, "{check:?}");
-}
-
-#[test]
-fn impossible_power_and_interruption_end_a_real_play() {
-    let play = |renderer: &mut Fake, most: usize| {
-        let mut policies: Vec<Box<dyn Policy>> = vec![Box::new(Fixed(space().lowest()))];
-        let on_frame = &mut |progress: &crate::evaluate::Progress<'_>| {
-            if progress.frames_done == most {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        };
-        play_for_real(renderer, &path(), space().highest(), &mut policies, on_frame).err().unwrap()
-    };
-    let broken = play(&mut Fake { broken_at: Some(13), ..Fake::default() }, 99);
-    assert_eq!(broken.to_string(), "run `frugal`, frame 3: the meter gave NaN W");
-    assert!(matches!(play(&mut Fake::default(), 25), EvaluationError::Interrupted));
 }
 
 #[test]

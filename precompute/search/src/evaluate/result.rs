@@ -1,7 +1,7 @@
 //! Results of an evaluation, as `--json` writes them.
 
-use bevy_frugal_gi::power::MeterInfo;
 use frugal_core::knobs::KnobSpace;
+use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -16,7 +16,7 @@ const NOTABLE_NOISE: f64 = 0.001;
 
 /// Power and error of every run along one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct EvaluationResult {
+pub struct EvaluationResult {
     /// The scene, as named on the command line.
     pub scene: String,
     /// The path.
@@ -55,7 +55,7 @@ pub(crate) struct EvaluationResult {
 
 /// A rendered frugal run beside its simulation from the record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SpotCheck {
+pub struct SpotCheck {
     /// Mean power of the rendered run.
     pub mean_power_w: Watts,
     /// Mean error of the rendered run.
@@ -68,7 +68,7 @@ pub(crate) struct SpotCheck {
 
 /// One run along the path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct RunResult {
+pub struct RunResult {
     /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum`, `resolution-only` or the name of
     /// another [baseline](super::baselines).
     pub name: String,
@@ -105,7 +105,7 @@ pub(crate) struct RunResult {
 /// The best settings played for real before and after the frugal run: any change is drift of the
 /// machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Drift {
+pub struct Drift {
     /// Mean power of the first maximum run.
     pub first_mean_power_w: Watts,
     /// Mean power of the last.
@@ -120,7 +120,8 @@ pub(crate) struct Drift {
 }
 
 impl Drift {
-    pub(super) fn between(first: &[FrameRecord], last: &[FrameRecord]) -> Self {
+    /// From the `first` run at the best settings to the `last`.
+    pub fn between(first: &[FrameRecord], last: &[FrameRecord]) -> Self {
         let (before, after) = (mean_power(first), mean_power(last));
         Self {
             first_mean_power_w: before,
@@ -134,7 +135,7 @@ impl Drift {
 
 impl EvaluationResult {
     /// Adds a rendered frugal run, which is not empty, and the drift around it.
-    pub(crate) fn add_check(&mut self, real: &[FrameRecord], drift: Drift) {
+    pub fn add_check(&mut self, real: &[FrameRecord], drift: Drift) {
         self.spot_check = self.runs.first().map(|recorded| SpotCheck {
             mean_power_w: mean_power(real),
             mean_error: mean_error(real),
