@@ -44,6 +44,9 @@ pub(super) struct Arguments {
     /// Budget of the mean error, 1 − SSIM
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
     error_budget: Vec<String>,
+    /// What budgets are means over, in seconds; below 1, every frame keeps them. Default: as in an app, 30
+    #[arg(long, value_name = "S", value_parser = horizon, allow_hyphen_values = true)]
+    horizon: Option<f64>,
     /// Baselines to compare with, all simulated from a record of the path. Quick ones are presets,
     /// resolution, and the constant by training cameras
     #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = baselines())]
@@ -76,10 +79,15 @@ pub(super) struct Arguments {
     report: Option<PathBuf>,
 }
 
+fn horizon(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| (0.0..=3600.0).contains(seconds));
+    seconds.ok_or_else(|| "expected seconds, 0 to 3600".to_owned())
+}
+
 /// The extents of a comparison by their names.
 fn baselines() -> impl TypedValueParser<Value = Baselines> {
     let names = [
-        ("all", "Constants, oracles, the reactive ladder, presets, resolution"),
+        ("all", "Constants, one frontier, oracles, the reactive ladder, presets, resolution"),
         ("quick", "Presets, resolution, and the constant by training cameras"),
         ("none", "None: the frugal run alone"),
     ];
@@ -140,20 +148,22 @@ impl Arguments {
     }
 
     fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
+        let horizon_s = self.horizon;
         let power = |text: &String| text.parse::<PowerBudget>().map_err(CliError::usage);
         let error = |text: &String| parse_error_budget(text).map_err(CliError::usage);
         if let ([one], [other]) = (&self.power_budget[..], &self.error_budget[..]) {
             return Ok(vec![BudgetRequest {
                 power: Some(power(one)?),
                 error: Some(error(other)?),
+                horizon_s,
             }]);
         }
         let mut budgets = Vec::new();
         for text in &self.power_budget {
-            budgets.push(BudgetRequest { power: Some(power(text)?), error: None });
+            budgets.push(BudgetRequest { power: Some(power(text)?), error: None, horizon_s });
         }
         for text in &self.error_budget {
-            budgets.push(BudgetRequest { power: None, error: Some(error(text)?) });
+            budgets.push(BudgetRequest { power: None, error: Some(error(text)?), horizon_s });
         }
         if budgets.is_empty() {
             Err(CliError::usage("give --power-budget, --error-budget, or both"))
@@ -225,7 +235,8 @@ fn check(
         with_progress(|on_frame| play_for_real(renderer, path, best, &mut policies, on_frame))
             .map_err(CliError::failed)?;
     for (result, run) in results.iter_mut().zip(&played.runs) {
-        result.add_check(run, played.drift);
+        let simulated = trial.record.simulate(&mut trial.controller(&result.budget));
+        result.add_check(run, &simulated, played.drift);
     }
     Ok(())
 }

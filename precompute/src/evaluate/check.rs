@@ -115,7 +115,7 @@ mod tests {
         let map = map(space());
         let record = recorded(&map, Baselines::Quick);
         let trial = trial(&record, &map, Baselines::Quick);
-        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
+        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), ..Default::default() };
         let mut result = trial.judge(&budget);
         let mut renderer = Fake { drift: 0.2, ..Fake::default() };
         let mut policies: Vec<Box<dyn Policy + '_>> =
@@ -137,7 +137,8 @@ mod tests {
             (renderer.runs.join(", ").as_str(), seen),
             ("maximum, frugal, maximum again", 30)
         );
-        result.add_check(&real.runs[0], real.drift);
+        let simulated = record.simulate(&mut trial.controller(&result.budget));
+        result.add_check(&real.runs[0], &simulated, real.drift);
         assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
         assert_eq!(result.drift.repeat_max_error, 0.0);
         assert!(result.warnings.last().unwrap().contains("the machine's"));

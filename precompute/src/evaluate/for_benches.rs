@@ -81,13 +81,13 @@ impl RecordedPath {
 
     /// The single settings of least mean error within a mean power.
     pub fn best_constant(&self, limit: Watts) -> Option<KnobLevels> {
-        let budget = ResolvedBudget { power_w: Some(limit), error: None };
+        let budget = ResolvedBudget { power_w: Some(limit), ..Default::default() };
         best_constant(&self.0.table, &budget).map(|(settings, _)| settings)
     }
 
     /// The ladder that engines ship, over the map's shared frontier.
     pub fn reactive(&self, map: &FrontierMap, limit: Watts) -> ReactiveLadder {
-        let budget = ResolvedBudget { power_w: Some(limit), error: None };
+        let budget = ResolvedBudget { power_w: Some(limit), ..Default::default() };
         ReactiveLadder(Reactive::new(ladder(&map.shared), budget), self.0.path.poses()[0])
     }
 }

@@ -15,7 +15,7 @@ use crate::stage::FrameRenderer;
 
 /// Why a path was not recorded. `E` is the frame renderer's error.
 #[derive(Debug, thiserror::Error)]
-pub enum RecordError<E> {
+pub(crate) enum RecordError<E> {
     /// Rendering failed, or was interrupted. Earlier records are kept.
     #[error(transparent)]
     Play(#[from] EvaluationError<E>),

@@ -94,8 +94,11 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
     }
     if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
         let percent = 100.0 * share;
-        let _ =
-            writeln!(text, "The frugal run is over the power budget in {percent:.1} % of seconds.");
+        let seconds = result.budget.horizon_s;
+        let _ = writeln!(
+            text,
+            "The frugal run is over the power budget by 2 % in {percent:.1} % of all {seconds:.0} s."
+        );
     }
     for run in &result.runs {
         if let Some(note) = &run.note {
@@ -152,7 +155,7 @@ mod tests {
     fn result() -> EvaluationResult {
         let mut result = judged(Some("10%"), None);
         let real = result.runs[0].series.clone();
-        result.add_check(&real, Default::default());
+        result.add_check(&real, &real, Default::default());
         result
     }
 

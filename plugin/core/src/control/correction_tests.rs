@@ -45,7 +45,7 @@ impl Loop {
             let inputs = Inputs {
                 store: &self.map,
                 view: testing::view(),
-                budget: Budget::power(self.budget),
+                budget: Budget::default().with_peak(self.budget),
                 delta_seconds: FRAME,
                 current: self.current,
                 correction: self.model.correction(),

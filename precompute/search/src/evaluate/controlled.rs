@@ -49,7 +49,7 @@ impl<'a> Controller<'a> {
     ) -> Self {
         Self {
             store,
-            budget: Budget::new(budget.power_w, budget.error),
+            budget: budget.limits(),
             lens,
             controller: CameraController::default(),
             settings,

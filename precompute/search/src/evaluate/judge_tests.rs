@@ -16,7 +16,7 @@ const ALONG: f64 = 0.009;
 #[test]
 fn every_run_is_listed_in_order() {
     let map = map(space());
-    let budget = BudgetRequest { power: None, error: Some(0.05) };
+    let budget = BudgetRequest { error: Some(0.05), ..Default::default() };
     let names = |baselines| {
         let result = trial(&recorded(&map, baselines), &map, baselines).judge(&budget);
         assert_eq!((result.frames, result.size, result.warnings.len()), (10, [16, 12], 1));
@@ -26,7 +26,13 @@ fn every_run_is_listed_in_order() {
     assert_eq!(names(Baselines::Quick), quick);
     assert_eq!(names(Baselines::None), ["frugal"]);
     let all = names(Baselines::All);
-    for name in quick.into_iter().chain(["frugal-measured", "default", "best-constant"]) {
+    for name in quick.into_iter().chain([
+        "frugal-measured",
+        "default",
+        "best-constant",
+        "mixed-constants",
+        "shared-frontier",
+    ]) {
         assert!(all.iter().any(|run| run == name), "{name}: {all:?}");
     }
     assert_eq!(all[all.len() - 3..], ["oracle", "oracle-filtered", "reactive"]);
@@ -102,7 +108,7 @@ fn the_trained_constant_is_chosen_by_other_cameras_and_played_here() {
     };
     map.shared = Frontier::from_points(map.shared.points().iter().map(dearer));
     let at = error(space().highest().with_level(1, 3));
-    let budget = BudgetRequest { power: None, error: Some(2.0 * at + 1e-6) };
+    let budget = BudgetRequest { error: Some(2.0 * at + 1e-6), ..Default::default() };
     let record = recorded(&map, Baselines::Quick);
     let result = trial(&record, &map, Baselines::Quick).judge(&budget);
     let constant = run(&result, TRAINED);
@@ -115,7 +121,7 @@ fn the_trained_constant_is_chosen_by_other_cameras_and_played_here() {
 #[test]
 fn the_oracle_and_the_best_constant_bound_the_gap() {
     let map = map(space());
-    let budget = BudgetRequest { power: Some(PowerBudget::Share(0.5)), error: None };
+    let budget = BudgetRequest { power: Some(PowerBudget::Share(0.5)), ..Default::default() };
     let record = recorded(&map, Baselines::All);
     let result = trial(&record, &map, Baselines::All).judge(&budget);
     let [oracle, constant] = ["oracle", "best-constant"].map(|name| run(&result, name).mean_error);
@@ -132,7 +138,10 @@ fn json_has_the_agreed_form_and_reads_back() {
         (&json["meter"]["name"], &json["meter"]["provenance"]),
         (&"formula".into(), &"modelled".into())
     );
-    assert_eq!(json["budget"], serde_json::json!({"power_w": 3.5, "error": null}));
+    assert_eq!(
+        json["budget"],
+        serde_json::json!({"power_w": 3.5, "error": null, "horizon_s": 30.0})
+    );
     assert_eq!(json["size"], serde_json::json!([16, 12]));
     assert_eq!(json["drift"]["relative"], serde_json::json!(0.0));
     for key in ["name", "mean_power_w", "mean_error", "max_error", "frames_over_budget", "switches"]

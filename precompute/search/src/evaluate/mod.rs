@@ -5,6 +5,7 @@
 //! | `budget` | `7W`, `60%`, `0.02`: reading budgets, resolving percentages |
 //! | `policy` | a path sampled at its frames, and what decides their settings |
 //! | `record` | power and error of many settings at every frame of a path; policies are simulated from it |
+//! | `data` | records as small files |
 //! | `result` | results, as JSON |
 //! | `bootstrap` | statistical significance of differences |
 //! | `baselines` | constants, oracles, and the reactive ladder |
@@ -15,14 +16,18 @@ mod baselines;
 mod bootstrap;
 mod budget;
 mod controlled;
+mod data;
 mod judge;
 mod policy;
 mod record;
 mod result;
 
-pub use baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle};
+pub use baselines::{
+    Mixed, Oracle, Reactive, best_constant, best_on, ladder, mixed_constants, oracle,
+};
 pub use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub use controlled::{Controller, MeterInterval};
+pub use data::{Made, RecordFile};
 pub use judge::{Baselines, Trial, settings_to_record};
 pub use policy::{Choice, Fixed, FrameRecord, PathPlan, Policy, Pose};
 pub use record::PathRecord;

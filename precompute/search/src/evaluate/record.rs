@@ -47,14 +47,15 @@ impl PathRecord {
         self.walk(policy, 0..self.path.poses().len())
     }
 
-    /// Simulates a policy's run along the path and back to its start: the frames of the way there
-    /// and of the way back, both in the path's order.
-    pub fn simulate_return(&self, policy: &mut dyn Policy) -> [Vec<FrameRecord>; 2] {
-        let frames = 0..self.path.poses().len();
-        let there = self.walk(policy, frames.clone());
-        let mut back = self.walk(policy, frames.rev());
-        back.reverse();
-        [there, back]
+    /// Simulates a policy's run along the path and back, again and again, until it has lasted `seconds`:
+    /// an even number of ways, at least two.
+    pub fn simulate_for(&self, policy: &mut dyn Policy, seconds: f64) -> Vec<FrameRecord> {
+        let frames = self.path.poses().len();
+        let rounds = (seconds * self.path.fps() / (2.0 * frames as f64)).ceil();
+        // Not `clamp`, which passes NaN through.
+        let rounds = rounds.max(1.0).min(MAX_ROUNDS);
+        let round = || (0..frames).chain((0..frames).rev());
+        self.walk(policy, (0..rounds as usize).flat_map(|_| round()))
     }
 
     fn walk(
@@ -64,13 +65,13 @@ impl PathRecord {
     ) -> Vec<FrameRecord> {
         let dt = self.path.fps().recip();
         let mut last = None;
-        let records = frames.map(|frame| {
+        let records = frames.enumerate().map(|(step, frame)| {
             let pose = &self.path.poses()[frame];
             let Choice { settings, target, predicted } = policy.decide(frame, dt, pose);
             let cost = self.cost(frame, settings, target, &mut last);
             policy.observe(cost);
             FrameRecord {
-                time: frame as f64 * dt,
+                time: step as f64 * dt,
                 settings,
                 power: cost.power,
                 error: cost.error,
@@ -120,6 +121,8 @@ impl PathRecord {
     }
 }
 
+/// Most ways there and back.
+const MAX_ROUNDS: f64 = 400.0;
 /// Keeps the logarithm of an error of 0 finite.
 const LEAST: f64 = 1e-4;
 
@@ -142,21 +145,29 @@ mod tests {
     }
 
     #[test]
-    fn a_return_goes_on_where_the_way_there_ended() {
+    fn a_path_is_walked_there_and_back_until_the_time_is_over() {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let record = recorded(&[low, high]);
-        let mut visited = Vec::new();
-        // Low on the first half of the whole walk, then high.
         let frames = path().poses().len();
-        let mut policy = |frame: usize, _: f64, _: &Pose| {
-            visited.push(frame);
-            Choice::from(if visited.len() <= frames { low } else { high })
-        };
-        let [there, back] = record.simulate_return(&mut policy);
-        let walked: Vec<usize> = (0..frames).chain((0..frames).rev()).collect();
-        assert_eq!(visited, walked);
-        assert_eq!(there, record.simulate(&mut Fixed(low)));
-        assert_eq!(back, record.simulate(&mut Fixed(high)), "in the path's order, too");
+        let round: Vec<usize> = (0..frames).chain((0..frames).rev()).collect();
+        let seconds = frames as f64 / path().fps();
+        for (asked, rounds) in [(0.0, 1), (2.0 * seconds, 1), (2.1 * seconds, 2), (f64::NAN, 1)] {
+            let mut visited = Vec::new();
+            let mut policy = |frame: usize, _: f64, _: &Pose| {
+                visited.push(frame);
+                Choice::from(if visited.len() <= frames { low } else { high })
+            };
+            let walked = record.simulate_for(&mut policy, asked);
+            assert_eq!(visited, round.repeat(rounds), "{asked} s");
+            assert_eq!(walked[..frames], record.simulate(&mut Fixed(low)));
+            let mut back = record.simulate(&mut Fixed(high));
+            back.reverse();
+            let costs = |frames: &[FrameRecord]| -> Vec<_> {
+                frames.iter().map(|frame| (frame.settings, frame.power, frame.error)).collect()
+            };
+            assert_eq!(costs(&walked[frames..2 * frames]), costs(&back));
+            assert!(walked.windows(2).all(|two| two[0].time < two[1].time));
+        }
     }
 
     #[test]

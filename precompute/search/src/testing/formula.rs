@@ -129,7 +129,11 @@ pub fn trial<'a>(record: &'a PathRecord, map: &'a FrontierMap, baselines: Baseli
 pub fn judged(power: Option<&str>, error: Option<f64>) -> EvaluationResult {
     let map = map(space());
     let record = recorded(&map, Baselines::Quick);
-    let budget = BudgetRequest { power: power.map(|text| text.parse().unwrap()), error };
+    let budget = BudgetRequest {
+        power: power.map(|text| text.parse().unwrap()),
+        error,
+        ..Default::default()
+    };
     trial(&record, &map, Baselines::Quick).judge(&budget)
 }
 

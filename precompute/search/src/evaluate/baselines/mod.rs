@@ -4,12 +4,15 @@
 //! | run | information used |
 //! |---|---|
 //! | `best-constant` | this path: the best constant settings for the budget |
+//! | `mixed-constants` | this path: the two constants that take turns best |
 //! | `trained-constant` | other cameras: the best constant settings there |
-//! | `oracle` | every frame in advance: a bound, not a method |
+//! | `shared-frontier` | other cameras: one frontier for all views, under the plugin's controller |
+//! | `oracle` | every frame in advance, one exchange rate, settings held for a second: a bound |
 //! | `oracle-filtered` | the same, through the controller's temporal filter |
 //! | `reactive` | meter readings of earlier frames |
 //! | `default` | none: `FrugalGi::default()`, all other knobs at their best |
 
+mod mixed;
 mod oracle;
 mod reactive;
 
@@ -19,6 +22,7 @@ use frugal_core::knobs::KnobLevels;
 
 use crate::evaluate::ResolvedBudget;
 
+pub use mixed::{Mixed, mixed_constants};
 pub use oracle::{Oracle, oracle};
 pub use reactive::{Reactive, ladder};
 
@@ -92,7 +96,7 @@ mod tests {
         }
         table.set(0, KnobLevels::from_bits(9), CostPoint::new(0.1, 0.0));
         let best = |power: Option<f64>, error| {
-            let budget = ResolvedBudget { power_w: power.map(Watts), error };
+            let budget = ResolvedBudget { power_w: power.map(Watts), error, ..Default::default() };
             best_constant(&table, &budget).map(|(settings, _)| settings.bits())
         };
         assert_eq!(

@@ -21,49 +21,48 @@ impl Policy for Oracle {
     }
 }
 
-/// The optimal settings of each frame.
-///
-/// Under a power budget each frame keeps it: the least error within it. Under an error budget the
-/// mean over the path keeps it: each frame minimises P + λe, with the least λ that does (Everett
-/// 1963, "Generalized Lagrange multiplier method"). `is_met` tests whether settings for all frames
-/// keep the error budget, by the table alone or through a filter.
+/// The settings of each second of the path by one exchange rate: the least power + λ × error of its
+/// frames' means (Everett 1963, "Generalized Lagrange multiplier method"), with the best rate that keeps
+/// the mean over the path. `hold`: frames of a second. `is_met` tests whether settings for all frames keep
+/// the budget, by the table alone or through a filter.
 pub fn oracle(
     table: &CostTable,
     budget: &ResolvedBudget,
+    hold: usize,
     is_met: &mut dyn FnMut(&Oracle) -> bool,
 ) -> Oracle {
-    let frames = |best: &dyn Fn(CostPoint) -> [f64; 2]| {
-        let settings = (0..table.rows()).map(|row| {
-            let known = table
-                .settings()
-                .iter()
-                .enumerate()
-                .filter_map(|(column, settings)| Some((*settings, table.at(row, column)?)));
-            let ranked = known.map(|(settings, cost)| (best(cost), settings));
+    let at = |best: &dyn Fn(CostPoint) -> [f64; 2]| {
+        let mut all = Vec::with_capacity(table.rows());
+        for first in (0..table.rows()).step_by(hold.max(1)) {
+            let rows = first..(first + hold.max(1)).min(table.rows());
+            let known = table.settings().iter().enumerate().filter_map(|(column, settings)| {
+                Some((best(table.mean(column, rows.clone())?), *settings))
+            });
             let least =
-                ranked.min_by(|a, b| a.0[0].total_cmp(&b.0[0]).then(a.0[1].total_cmp(&b.0[1])));
-            least.map(|(_, settings)| settings).unwrap_or_default()
-        });
-        Oracle(settings.collect())
-    };
-    match (budget.power_w, budget.error) {
-        (Some(limit), _) => frames(&|cost| {
-            let over = cost.power.0 - limit.0;
-            // Where no settings are within the limit, the cheapest.
-            if over > 0.0 { [f64::MAX, over] } else { [cost.error, cost.power.0] }
-        }),
-        (None, Some(_)) => {
-            let at =
-                |rate: f64| frames(&move |cost| [cost.power.0 + rate * cost.error, cost.error]);
-            let (mut low, mut high) = (RATES.0.ln(), RATES.1.ln());
-            for _ in 0..HALVINGS {
-                let middle = low.midpoint(high);
-                if is_met(&at(middle.exp())) { high = middle } else { low = middle }
-            }
-            at(high.exp())
+                known.min_by(|a, b| a.0[0].total_cmp(&b.0[0]).then(a.0[1].total_cmp(&b.0[1])));
+            let settings = least.map(|(_, settings)| settings).unwrap_or_default();
+            all.extend(rows.map(|_| settings));
         }
-        (None, None) => frames(&|cost| [cost.error, cost.power.0]),
+        Oracle(all)
+    };
+    // Of equal sums the one that errs on the budget's side.
+    let by_power = budget.power_w.is_some();
+    let at_rate = |rate: f64| {
+        at(&move |cost: CostPoint| {
+            let tie = if by_power { cost.power.0 } else { cost.error };
+            [cost.power.0 + rate * cost.error, tie]
+        })
+    };
+    if budget.power_w.is_none() && budget.error.is_none() {
+        return at(&|cost| [cost.error, cost.power.0]);
     }
+    let (mut low, mut high) = (RATES.0.ln(), RATES.1.ln());
+    for _ in 0..HALVINGS {
+        let middle = low.midpoint(high);
+        // More power at a greater rate, and less error.
+        if is_met(&at_rate(middle.exp())) == by_power { low = middle } else { high = middle }
+    }
+    at_rate(if by_power { low } else { high }.exp())
 }
 
 #[cfg(test)]
@@ -105,9 +104,9 @@ mod tests {
     #[test]
     fn a_mean_error_is_bought_where_it_is_cheap() {
         let table = table();
-        let budget = ResolvedBudget { power_w: None, error: Some(0.05) };
+        let budget = ResolvedBudget { error: Some(0.05), ..Default::default() };
         let best =
-            oracle(&table, &budget, &mut |oracle| mean(&table, oracle).error <= 0.05 + 1e-12);
+            oracle(&table, &budget, 1, &mut |oracle| mean(&table, oracle).error <= 0.05 + 1e-12);
         let cost = mean(&table, &best);
         assert!(cost.error <= 0.05 + 1e-12, "{cost:?}");
         assert!(best.0[0].bits() > 7 && best.0[1].bits() < 3, "{best:?}");
@@ -125,25 +124,21 @@ mod tests {
     }
 
     #[test]
-    fn a_power_budget_is_kept_by_every_frame() {
+    fn a_mean_power_is_spent_where_it_buys_most() {
         let table = table();
-        let best =
-            oracle(&table, &ResolvedBudget { power_w: Some(Watts(2.0)), error: None }, &mut |_| {
-                true
-            });
-        assert_eq!(best.0.iter().map(|settings| settings.bits()).collect::<Vec<_>>(), [10, 3]);
-        let none =
-            oracle(&table, &ResolvedBudget { power_w: Some(Watts(0.5)), error: None }, &mut |_| {
-                true
-            });
-        assert_eq!(
-            none.0.iter().map(|settings| settings.bits()).collect::<Vec<_>>(),
-            [0, 0],
-            "the cheapest"
-        );
-        assert_eq!(
-            oracle(&CostTable::new(0), &ResolvedBudget::default(), &mut |_| true),
-            Oracle(vec![])
-        );
+        let at = |watts: f64, hold: usize| {
+            let budget = ResolvedBudget { power_w: Some(Watts(watts)), ..Default::default() };
+            let best =
+                oracle(&table, &budget, hold, &mut |oracle| mean(&table, oracle).power.0 <= watts);
+            best.0.iter().map(|settings| settings.bits()).collect::<Vec<_>>()
+        };
+        let best = at(2.0, 1);
+        assert!(best[0] > 7 && best[1] < 5, "{best:?}");
+        let held = at(2.0, 2);
+        assert_eq!((held[0], held.len()), (held[1], 2), "one for both");
+        assert_eq!(at(0.5, 1), [0, 0], "the cheapest");
+        assert_eq!(at(99.0, 1), [10, 10]);
+        let empty = oracle(&CostTable::new(0), &ResolvedBudget::default(), 1, &mut |_| true);
+        assert_eq!(empty, Oracle(vec![]));
     }
 }

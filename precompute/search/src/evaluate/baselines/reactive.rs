@@ -139,15 +139,15 @@ mod tests {
     #[test]
     fn it_finds_a_rung_within_the_budget() {
         let (rung, switches) =
-            converged(ResolvedBudget { power_w: Some(Watts(30.0)), error: None });
+            converged(ResolvedBudget { power_w: Some(Watts(30.0)), ..Default::default() });
         // Where one rung exceeds the budget and the next one down leaves room, the ladder
         // oscillates with a period of a second and a half.
         assert!(1.3f64.powi(rung as i32) <= 30.0 && switches < 30, "{rung}, {switches} switches");
-        let (rung, _) = converged(ResolvedBudget { power_w: None, error: Some(0.1) });
+        let (rung, _) = converged(ResolvedBudget { error: Some(0.1), ..Default::default() });
         // Within the budget, or returning to it.
         assert!(0.5 / (rung + 1) as f64 <= 0.13, "{rung}");
         assert_eq!(
-            converged(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0,
+            converged(ResolvedBudget { power_w: Some(Watts(0.1)), ..Default::default() }).0,
             0,
             "no lower than the cheapest"
         );
