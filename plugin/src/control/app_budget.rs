@@ -265,3 +265,98 @@ fn take(
         limits.power = Some(limits.power.map_or(part, |limit| least(limit, part)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use frugal_core::control::Limits;
+    use frugal_core::testing;
+
+    use super::*;
+    use crate::control::frame::FrontierInUse;
+    use crate::control::{Budget, select};
+    use crate::frontier::{Frontier, FrontierStore};
+
+    /// Numbers from 0 to 1, the same in every run (xorshift, Marsaglia 2003).
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 7;
+            self.0 ^= self.0 << 17;
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        }
+    }
+
+    /// Frontiers of up to `points` settings whose errors fall as powers rise.
+    fn frontier(random: &mut Random, points: u32) -> Frontier {
+        let (scale, bend) = (0.02 + 0.2 * random.next(), 1.0 + 2.0 * random.next());
+        Frontier::from_points((0..points).map(|number| {
+            let power = 1.0 + 5.0 * random.next();
+            let error = scale * (power.powf(-bend) * (0.8 + 0.4 * random.next()));
+            let settings = KnobLevels::from_bits(u128::from(number));
+            FrontierPoint { settings, cost: CostPoint::new(power, error) }
+        }))
+    }
+
+    /// The least sum of errors within `most`, by trying all.
+    fn brute(frontiers: &[Frontier], most: f64) -> f64 {
+        let Some((first, rest)) = frontiers.split_first() else { return 0.0 };
+        let of = |point: &FrontierPoint| {
+            let left = most - point.cost.power.0;
+            let least: f64 = rest.iter().map(|other| other.points()[0].cost.power.0).sum();
+            if left < least { f64::INFINITY } else { point.cost.error + brute(rest, left) }
+        };
+        first.points().iter().map(of).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn one_rate_is_near_the_best_division() {
+        let (map, mut random) = (testing::map(0), Random(0x9e37_79b9_7f4a_7c15));
+        for (cameras, points, sets, most_above) in
+            [(2, 12, 300, 0.06), (3, 12, 300, 0.05), (8, 5, 20, 0.03)]
+        {
+            let (mut mean, mut count) = (0.0, 0.0);
+            for _ in 0..sets {
+                let frontiers: Vec<Frontier> =
+                    (0..cameras).map(|_| frontier(&mut random, points)).collect();
+                let frames: Vec<Frame<'_>> = frontiers
+                    .iter()
+                    .map(|frontier| Frame {
+                        weight: 1.0,
+                        has_moved: false,
+                        store: &map,
+                        space: Arc::new(map.knobs.clone()),
+                        sample: map.look_up(&testing::view()).expect("a frontier").camera,
+                        whole: frontier,
+                        frontier: FrontierInUse::Whole(frontier),
+                        limits: Limits::default(),
+                        choice: select(frontier, &Budget::default()).expect("the best"),
+                        most: Watts(f64::INFINITY),
+                        agreed: None,
+                    })
+                    .collect();
+                let ends = |end: fn(&Frontier) -> f64| frontiers.iter().map(end).sum::<f64>();
+                let low = ends(|it| it.points()[0].cost.power.0);
+                let high = ends(|it| it.points()[it.points().len() - 1].cost.power.0);
+                let most = low + (high - low) * (0.1 + 0.8 * random.next());
+                let together = Together { watts_per_error: f64::INFINITY, most };
+                let (chosen, is_kept, left) =
+                    choose_together(&frames, together, &|_| None).expect("settings");
+                let sum: f64 = chosen.iter().map(|(_, cost)| cost.power.0).sum();
+                assert!(
+                    is_kept && sum <= most * (1.0 + 1e-9) && (left - (most - sum)).abs() < 1e-9
+                );
+                let error: f64 = chosen.iter().map(|(_, cost)| cost.error).sum();
+                let best = brute(&frontiers, most);
+                assert!(error >= best * (1.0 - 1e-9), "{error} below the least, {best}");
+                (mean, count) = (mean + error / best - 1.0, count + 1.0);
+            }
+            mean /= count;
+            println!("    {cameras} cameras: {:.2} % above brute force in the mean", 100.0 * mean);
+            assert!(mean <= most_above, "{cameras} cameras: {mean}");
+        }
+    }
+}

@@ -135,7 +135,9 @@ impl Ledger {
         (1..=PARTS).filter_map(move |ahead| {
             let begun = (self.count - 1 + ahead).checked_sub(PARTS)?;
             let seconds = ahead as f64 * part - self.since;
-            Some((seconds.max(1e-6), self.past[begun % PARTS] + tolerance - self.now))
+            // What was spent beyond the budget once is not the measure of what comes.
+            let begun = self.past[begun % PARTS].min(0.0);
+            Some((seconds.max(1e-6), begun + tolerance - self.now))
         })
     }
 }

@@ -117,8 +117,8 @@ fn with_two_limits_the_power_s_comes_first() {
         let costs = play(&mut tracker, turns(120, 3), limits);
         (mean(&costs, |c| c.power.0), mean(&costs, |c| c.error))
     };
-    let (power, error) = with((Some(3.0), Some(0.03), 30.0));
-    let (alone, _) = with((None, Some(0.03), 30.0));
+    let (power, error) = with((Some(3.0), Some(0.025), 30.0));
+    let (alone, _) = with((None, Some(0.025), 30.0));
     assert!(
         alone > 3.1 && (2.85..3.04).contains(&power) && error > 0.03,
         "{power} {error} {alone}"

@@ -1,7 +1,6 @@
 //! Comparisons on a record of known power and error.
 
 use frugal_core::frontier::{Frontier, FrontierPoint};
-use frugal_core::units::Watts;
 
 use super::*;
 use crate::testing::formula::{error, judged, map, power, recorded, space, trial};
@@ -58,8 +57,8 @@ fn power_and_error_are_the_formulas() {
 fn the_controller_keeps_the_budget_and_the_baseline_takes_the_highest_resolution_that_does() {
     let result = judged(Some("3.5 W"), None);
     let frugal = run(&result, "frugal");
-    assert!(frugal.met && frugal.frames_over_budget == 0);
-    assert!(frugal.series[3].predicted.unwrap().power <= Watts(3.5));
+    assert!(frugal.met && frugal.windows_over == Some(0.0));
+    assert!((3.4..3.55).contains(&frugal.mean_power_w.0), "{:?}", frugal.mean_power_w);
     // 2.2 W + 0.4 W a level: level 3 takes 3.4 W.
     let baseline = run(&result, "resolution-only");
     assert_eq!(
@@ -68,7 +67,7 @@ fn the_controller_keeps_the_budget_and_the_baseline_takes_the_highest_resolution
     );
     assert!(baseline.met && baseline.note.is_none());
     let maximum = run(&result, "maximum");
-    assert!(!maximum.met && maximum.frames_over_budget == 10);
+    assert!(!maximum.met && maximum.frames_over_budget == maximum.series.len());
     assert!((maximum.p99_overshoot_w.unwrap().0 - 0.7).abs() < 0.02);
 }
 
