@@ -97,7 +97,9 @@ impl Division<'_> {
         };
         let correction = self.feedback.per_camera();
         for (frame, chosen) in frames.iter_mut().zip(chosen) {
-            let most = Watts(chosen.1.power.0 + left);
+            // What is left may be held where views move, and shared knobs allow it.
+            let may_hold = frame.has_moved && frame.agreed.is_none();
+            let most = Watts(chosen.1.power.0 + if may_hold { left } else { 0.0 });
             frame.choice.most.power = least(frame.choice.most.power, most);
             if frame.has_moved && app_limit.is_some() {
                 frame.choice.watts_per_error = rate_of(frame, together.watts_per_error);
@@ -112,7 +114,7 @@ impl Division<'_> {
         let is_metered = self.feedback.correction != PowerCorrection::default();
         let counted_again = if is_metered { 0.0 } else { frames.len() as f64 - 1.0 };
         let idle = frames.last().and_then(|frame| frame.store.conditions()).map(|it| it.idle);
-        let stored = self.feedback.correction.uncorrected(limit)
+        let stored = self.feedback.mean_correction.uncorrected(limit)
             + idle.unwrap_or(Watts(0.0)) * counted_again;
         let mut sum = Curve::default();
         for frame in frames {
@@ -141,7 +143,9 @@ const MISSED: f64 = 1e15;
 
 /// A camera's exchange rate: the lower one of its own budget's and of all cameras together.
 fn rate_of(frame: &Frame<'_>, together: f64) -> f64 {
-    frame.choice.watts_per_error.min(together.min(LARGE_RATE) * frame.weight)
+    // In a still view its own choice is a bound, and errors below it count alone.
+    let own = if frame.has_moved { frame.choice.watts_per_error } else { f64::INFINITY };
+    own.min(together.min(LARGE_RATE) * frame.weight)
 }
 
 /// The settings of a camera's frontier that it may take: none dearer than its own choice, before shared

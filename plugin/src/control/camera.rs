@@ -152,6 +152,7 @@ impl Common<'_> {
             store,
             limits,
             correction: self.feedback.per_camera(),
+            mean_correction: self.feedback.mean_per_camera(),
             errors: *camera.errors,
             hold: self.settings.dwell.as_secs_f64(),
             delta_seconds: self.time.delta_secs_f64(),

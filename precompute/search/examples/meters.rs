@@ -53,6 +53,7 @@ impl Policy for Metered<'_> {
             delta_seconds: dt,
             current: Some(self.last.unwrap_or_default()),
             correction: self.model.correction(),
+            mean_correction: self.model.mean_correction(),
             errors: ErrorFeedback::default(),
             settings: ControlSettings::default(),
         };

@@ -3,7 +3,7 @@
 
 use super::choose::choose;
 use super::limits::Limits;
-use super::rate::{Curve, Rate, RateTracker};
+use super::rate::{Curve, MIN_HORIZON, Rate, RateTracker};
 use super::{
     Budget, Choice, ControlSettings, ErrorFeedback, Outcome, PowerCorrection, SettingsFilter,
 };
@@ -27,6 +27,8 @@ pub struct Inputs<'a> {
     pub current: Option<KnobLevels>,
     /// From the store's watts to those of the app's meter.
     pub correction: PowerCorrection,
+    /// The same for a mean over the horizon.
+    pub mean_correction: PowerCorrection,
     /// From the store's errors to those measured.
     pub errors: ErrorFeedback,
     /// Transition times.
@@ -73,6 +75,7 @@ impl CameraController {
             store: inputs.store,
             limits,
             correction: inputs.correction,
+            mean_correction: inputs.mean_correction,
             errors: inputs.errors,
             hold: inputs.settings.dwell.as_secs_f64(),
             delta_seconds: inputs.delta_seconds,
@@ -102,6 +105,8 @@ pub struct Terms<'a> {
     pub limits: Limits,
     /// From the store's watts to those of the app's meter.
     pub correction: PowerCorrection,
+    /// The same for a mean over the horizon.
+    pub mean_correction: PowerCorrection,
     /// From the store's errors to those measured.
     pub errors: ErrorFeedback,
     /// How long settings are held, seconds.
@@ -115,7 +120,13 @@ impl Terms<'_> {
     pub fn stored(&self) -> Limits {
         let target =
             |budget| self.errors.target(budget, self.store.error_target(budget)).unwrap_or(budget);
-        Limits { error: self.limits.error.map(target), ..self.limits.uncorrected(self.correction) }
+        let of_mean = self.limits.horizon >= MIN_HORIZON;
+        let correction = if of_mean { self.mean_correction } else { self.correction };
+        Limits {
+            power: self.limits.uncorrected(correction).power,
+            error: self.limits.error.map(target),
+            ..self.limits.uncorrected(self.correction)
+        }
     }
 
     /// The exchange rate for this frame, in a view of `frontier`. Another budget begins anew.

@@ -12,6 +12,7 @@ fn inputs(store: &dyn FrontierStore, budget: Budget, current: Option<KnobLevels>
         delta_seconds: 0.125,
         current,
         correction: PowerCorrection::default(),
+        mean_correction: PowerCorrection::default(),
         settings: ControlSettings::default(),
         errors: ErrorFeedback::default(),
     }
@@ -73,7 +74,7 @@ fn a_budget_is_in_the_watts_of_the_apps_meter() {
     let correction = PowerCorrection { gain: 2.0, offset: Watts(1.0) };
     let at = |watts: f64| {
         let mut inputs = inputs(&map, Budget::power(Watts(watts)), None);
-        inputs.correction = correction;
+        (inputs.correction, inputs.mean_correction) = (correction, correction);
         let found = CameraController::default().step(&inputs).expect("a decision");
         (found.predicted.power.0, found.uncorrected.0, found.outcome)
     };
@@ -85,6 +86,7 @@ fn a_budget_is_in_the_watts_of_the_apps_meter() {
     for limit in [f64::NAN, -1.0] {
         invalid.budget = Budget::power(Watts(limit));
         invalid.correction = PowerCorrection { gain: 1.0, offset: Watts(-5.0) };
+        invalid.mean_correction = invalid.correction;
         assert_eq!(CameraController::default().step(&invalid), None, "{limit}");
     }
 }

@@ -71,6 +71,7 @@ impl Loop {
                 delta_seconds: self.frame,
                 current: self.current,
                 correction: PowerCorrection::default(),
+                mean_correction: PowerCorrection::default(),
                 settings: ControlSettings::default(),
                 errors: crate::control::ErrorFeedback::default(),
             };

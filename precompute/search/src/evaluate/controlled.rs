@@ -90,6 +90,7 @@ impl Policy for Controller<'_> {
             current: Some(self.last),
             // The meter is the map's own.
             correction: PowerCorrection::default(),
+            mean_correction: PowerCorrection::default(),
             settings: self.settings,
             errors: self.errors,
         };
