@@ -36,10 +36,10 @@ pub fn choose(
     }
     let (cheapest, points) = (frontier.points().first()?, frontier.points());
     let within = &points[..points.partition_point(|point| point.cost.power <= most.power)];
-    let affordable = within.iter().filter(|point| point.cost.error <= most.error);
+    let mut affordable = within.iter().filter(|point| point.cost.error <= most.error);
     let lambda = rate.watts_per_error;
     let best = if lambda == f64::INFINITY {
-        affordable.last()
+        affordable.next_back()
     } else {
         let sum = |point: &FrontierPoint| point.cost.power.0 + lambda * point.cost.error;
         affordable.min_by(|a, b| sum(a).total_cmp(&sum(b)))

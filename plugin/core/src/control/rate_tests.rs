@@ -52,11 +52,9 @@ fn worst_window(costs: &[CostPoint], of: fn(&CostPoint) -> f64) -> f64 {
 /// `seconds` of views that change between an easy and a hard one every `each` seconds.
 fn turns(seconds: usize, each: usize) -> impl Iterator<Item = Frontier> {
     let [easy, hard] = [0.02, 0.4].map(frontier);
-    (0..8 * seconds).map(
-        move |frame| {
-            if frame / (8 * each) % 2 == 0 { easy.clone() } else { hard.clone() }
-        },
-    )
+    (0..8 * seconds).map(move |frame| {
+        if (frame / (8 * each)).is_multiple_of(2) { easy.clone() } else { hard.clone() }
+    })
 }
 
 #[test]
