@@ -11,7 +11,6 @@ mod control_log;
 mod device;
 mod evaluate;
 mod inspect;
-mod quantile;
 mod report;
 pub mod scene;
 pub mod stage;

@@ -21,9 +21,7 @@ use bevy::ecs::query::With;
 use bevy::ecs::system::{Local, Query};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy_frugal_gi::control::{
-    Budget, ControlPlugin, ErrorPrice, PowerController, Selection, select,
-};
+use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection, select};
 use bevy_frugal_gi::frontier::{
     CameraView, Corner, CostPoint, Frontier, FrontierMap, FrontierMapPlugin, FrontierPoint,
     FrontierStore, Leaf, Octree,
@@ -146,8 +144,7 @@ fn look_ups(leaves: usize) -> Vec<String> {
         let before = ALLOCATIONS.load(Ordering::Relaxed);
         let start = Instant::now();
         let found = map.look_up(black_box(view)).expect("a frontier");
-        let price = budget.error.map(|error| ErrorPrice::calibrated(40.0, error));
-        black_box(select(found.frontier, black_box(budget), price));
+        black_box(select(found.frontier, black_box(budget)));
         nanoseconds.push(start.elapsed().as_nanos() as u64);
         allocations += ALLOCATIONS.load(Ordering::Relaxed) - before;
     }

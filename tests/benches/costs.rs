@@ -59,7 +59,7 @@ fn controller(criterion: &mut Criterion) {
     criterion.bench_function("look up and select", |bencher| {
         bencher.iter(|| {
             let found = map.look_up(black_box(&view))?;
-            select(found.frontier, black_box(&budget), None)
+            select(found.frontier, black_box(&budget))
         });
     });
     for cameras in [0, 1, 4, 64] {

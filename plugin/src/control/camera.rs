@@ -9,22 +9,23 @@ use bevy::ecs::system::SystemParam;
 use bevy::log::warn;
 use bevy::time::{Real, Time};
 use frugal_core::control::{
-    FrameKind, FrameRate, Observed, RatedAt, SignalModel, Switch, choose, resolve,
+    FrameKind, FrameRate, Observed, RateTracker, RatedAt, SignalModel, Switch, Terms, resolve,
 };
 use smallvec::SmallVec;
 
+use super::app_budget::Division;
 use super::components::CameraState;
 use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space, weight_of};
 use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
 use super::power_feedback::FeedbackState;
 use super::write::{write_selection, write_settings};
 use super::{
-    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, ErrorPace, FrontierSource, Limit,
-    OffReason, PowerController, PowerDivision, PowerFeedback, Selection, SettingsFilter,
+    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, FrontierSource, Limit, OffReason,
+    PowerController, PowerFeedback, Selection, SettingsFilter,
 };
 use crate::frontier::{
-    AppConditions, CameraView, Conditions, Frontier, FrontierMap, MapFit, Misfit, ShownScene,
-    camera_view,
+    AppConditions, CameraView, Conditions, CostPoint, Frontier, FrontierMap, MapFit, Misfit,
+    ShownScene, camera_view,
 };
 use crate::knobs::{KnobSpace, KnownKnobs};
 use crate::power::MeteredPower;
@@ -55,7 +56,7 @@ pub(super) fn control_cameras(
     mut commands: Commands,
     common: Common,
     mut prepared: ResMut<PreparedMaps>,
-    mut division: Local<PowerDivision>,
+    mut together: Local<RateTracker>,
     mut cameras: Query<Controlled>,
 ) {
     let mut active: SmallVec<[ControlledItem; 4]> = SmallVec::new();
@@ -90,10 +91,12 @@ pub(super) fn control_cameras(
             }
         }
     }
-    common.divide(&mut division, &mut frames);
+    common.divide(&mut together, &mut frames);
+    let mut sum = CostPoint::new(0.0, 0.0);
     for (camera, frame) in active.into_iter().zip(frames) {
-        common.switch(camera, frame, &mut commands);
+        sum.power = sum.power + common.switch(camera, frame, &mut commands);
     }
+    together.spend(sum, common.time.delta_secs_f64());
 }
 
 impl Common<'_> {
@@ -135,12 +138,30 @@ impl Common<'_> {
         let state = camera.state.bypass_change_detection();
         let bounded = whole.and_then(|whole| state.bounded.get(&camera.bounds, &space, whole));
         let frontier = bounded.map(FrontierInUse::Bounded).or(whole.map(FrontierInUse::Whole));
-        let stored = limits.uncorrected(self.feedback.per_camera());
-        // This state advances every frame without a change for others to detect.
-        let pace = camera.pace.bypass_change_detection();
-        let choice = frontier
-            .as_ref()
-            .and_then(|frontier| choose(store, frontier, &stored, camera.errors, pace));
+        // Both advance every frame without a change for others to detect.
+        let filter = camera.filter.bypass_change_detection();
+        let rates = camera.rates.bypass_change_detection();
+        if camera.has_cut {
+            filter.cut();
+        }
+        if camera.bounds.is_changed() {
+            filter.end_dwell();
+        }
+        filter.observe_view(&view, self.time.delta_secs_f64());
+        let terms = Terms {
+            store,
+            limits,
+            correction: self.feedback.per_camera(),
+            mean_correction: self.feedback.mean_per_camera(),
+            errors: *camera.errors,
+            hold: self.settings.dwell.as_secs_f64(),
+            delta_seconds: self.time.delta_secs_f64(),
+        };
+        let choice = frontier.as_ref().and_then(|frontier| {
+            let rate = terms.rate(frontier, rates, filter);
+            terms.choose(frontier, &rate, rates, filter)
+        });
+        let has_moved = filter.has_moved() && !rates.is_instant();
         let (Some(found), Some(whole), Some(frontier), Some(choice)) =
             (found, whole, frontier, choice)
         else {
@@ -153,26 +174,30 @@ impl Common<'_> {
             let best = whole.points().last();
             best.is_some_and(|best| best.cost.error < choice.cost.error)
         };
-        let binding = stored.binds(&frontier, &choice);
-        let binding = match &frontier {
-            FrontierInUse::Bounded(_) => {
-                binding.or_else(|| is_excluded().then_some(Limit::KnobBounds))
-            }
-            FrontierInUse::Whole(_) => binding,
-        };
+        let mut choice = choice;
+        if matches!(&frontier, FrontierInUse::Bounded(_))
+            && choice.binding.is_none()
+            && is_excluded()
+        {
+            choice.binding = Some(Limit::KnobBounds);
+        }
         let (sample, agreed) = (found.camera, None);
         let weight = weight_of(camera.camera, camera.priority);
+        let stored = terms.stored();
+        let could_stay = [stored.power, stored.peak].into_iter().flatten();
+        let could_stay = could_stay.map(|limit| limit.0).fold(f64::INFINITY, f64::min);
+        let most = if has_moved { choice.most.power } else { Watts(could_stay) };
         Ok(Frame {
             weight,
+            has_moved,
             store,
             space,
-            view,
             sample,
             whole,
             frontier,
             limits,
             choice,
-            binding,
+            most,
             agreed,
         })
     }
@@ -226,32 +251,30 @@ impl Common<'_> {
         observed
     }
 
-    fn divide(&self, division: &mut PowerDivision, frames: &mut [Frame]) {
-        super::app_budget::divide(&self.app_budget, &self.feedback, division, frames);
+    fn divide(&self, rates: &mut RateTracker, frames: &mut [Frame]) {
+        Division {
+            app_budget: &self.app_budget,
+            feedback: &self.feedback,
+            rates,
+            hold: self.settings.dwell.as_secs_f64(),
+            delta_seconds: self.time.delta_secs_f64(),
+        }
+        .divide(frames);
     }
 
-    /// Moves the camera's settings towards the choice, and writes them.
+    /// Moves the camera's settings towards the choice, and writes them. Returns the predicted power of
+    /// what is applied, in the store's watts.
     fn switch(
         &self,
         mut camera: ControlledItem<'_, '_>,
         frame: Frame<'_>,
         commands: &mut Commands,
-    ) {
-        let Frame { store, space, choice, binding, agreed, .. } = frame;
-        // Both advance every frame without a change for others to detect.
-        let filter = camera.filter.bypass_change_detection();
-        if camera.has_cut {
-            filter.cut();
-        }
-        if camera.bounds.is_changed() {
-            filter.end_dwell();
-        }
+    ) -> Watts {
+        let Frame { space, choice, agreed, .. } = frame;
         let switch = Switch {
-            store,
             frontier: frame.whole,
             space: &space,
             sample: frame.sample,
-            view: frame.view,
             limits: frame.limits,
             delta_seconds: self.time.delta_secs_f64(),
             // Levels of another knob space do not apply to this one.
@@ -261,19 +284,20 @@ impl Common<'_> {
                 .filter(|knobs| same_space(&knobs.space, &space))
                 .map(|knobs| knobs.settings),
             correction: self.feedback.per_camera(),
-            errors: camera.errors,
             settings: &self.settings,
         };
         let charge =
             |settings| agreed.as_ref().map_or(Watts(0.0), |agreed| agreed.charge(settings));
-        let pace = camera.pace.bypass_change_detection();
-        let decisions = switch.step(&choice, charge, filter, pace);
+        // Both advance every frame without a change for others to detect.
+        let filter = camera.filter.bypass_change_detection();
+        let rates = camera.rates.bypass_change_detection();
+        let decisions = switch.step(&choice, charge, filter, rates);
         camera.state.bypass_change_detection().predicted = Some(decisions.uncorrected);
         write_selection(
             commands,
             &mut camera,
             Selection {
-                binding,
+                binding: choice.binding,
                 status: ControlStatus::Active(decisions.outcome),
                 target: decisions.target,
                 applied: decisions.applied,
@@ -283,6 +307,7 @@ impl Common<'_> {
             },
         );
         write_settings(commands, camera, &space, &decisions);
+        decisions.uncorrected
     }
 }
 
@@ -332,7 +357,7 @@ pub(super) fn forget_camera<C: Component>(removed: On<Remove, C>, mut commands: 
     commands.queue(move |world: &mut World| {
         let Ok(mut camera) = world.get_entity_mut(camera) else { return };
         if !camera.contains::<PowerController>() && !camera.contains::<FrontierSource>() {
-            camera.remove::<(Selection, SettingsFilter, ErrorFeedback, ErrorPace, MapFit, CameraState)>();
+            camera.remove::<(Selection, SettingsFilter, ErrorFeedback, RateTracker, MapFit, CameraState)>();
         }
     });
 }

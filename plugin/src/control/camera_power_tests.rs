@@ -11,6 +11,7 @@ fn an_app_budget_is_divided_among_its_cameras() {
     let other = app.world_mut().spawn((PowerController(map), Budget::default(), lens(), look)).id();
     app.world_mut().resource_mut::<ControlSettings>().transition = Duration::ZERO;
     app.world_mut().resource_mut::<ControlSettings>().fall = Duration::ZERO;
+    app.world_mut().resource_mut::<ControlSettings>().dwell = Duration::ZERO;
     let powers = |app: &mut App, limit: Option<f64>| {
         app.world_mut().resource_mut::<AppBudget>().power = limit.map(Watts);
         app.update();

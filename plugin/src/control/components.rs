@@ -9,10 +9,10 @@ use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
 use bevy::ecs::resource::Resource;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
-use frugal_core::control::{BoundedFrontier, RatedAt};
+use frugal_core::control::{BoundedFrontier, RateTracker, RatedAt};
 
 use super::power_feedback::Predicted;
-use super::{Budget, ErrorFeedback, ErrorPace, KnobBounds, Limit, Outcome, SettingsFilter};
+use super::{Budget, ErrorFeedback, KnobBounds, Limit, Outcome, SettingsFilter};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, Misfit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::units::Watts;
@@ -125,7 +125,7 @@ pub struct Selection {
 
 /// The controller's state of one camera.
 #[derive(Component, Debug, Default)]
-#[require(Budget, ErrorFeedback, ErrorPace, KnobBounds, MapFit, Selection, SettingsFilter)]
+#[require(Budget, ErrorFeedback, KnobBounds, MapFit, RateTracker, Selection, SettingsFilter)]
 pub(super) struct CameraState {
     /// Predicted power of the applied settings in the map's watts; `None` while the controller is
     /// off.
@@ -151,10 +151,10 @@ impl CameraState {
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct AppBudget {
-    /// Power limit, in watts; at least 0, `None` or infinity for no limit. NaN and negative limits
-    /// are ignored, with a warning.
+    /// Limit on the mean power over 30 s, in watts; at least 0, `None` or infinity for no limit. NaN and
+    /// negative limits are ignored, with a warning.
     ///
-    /// Divided so that one more watt lowers the error equally for every camera, by
+    /// One more watt lowers the error equally for every camera and at every time, by
     /// [`CameraPriority`] and share of the pixels.
     pub power: Option<Watts>,
 }

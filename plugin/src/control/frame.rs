@@ -7,15 +7,15 @@ use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
 use bevy::transform::components::GlobalTransform;
-use frugal_core::control::Limits;
+use frugal_core::control::{Limits, RateTracker};
 
 use super::components::CameraState;
 use super::{
-    Budget, CameraPriority, Choice, ErrorFeedback, ErrorPace, FrontierSource, KnobBounds, Limit,
-    PowerController, Selection, SettingsFilter,
+    Budget, CameraPriority, Choice, ErrorFeedback, FrontierSource, KnobBounds, PowerController,
+    Selection, SettingsFilter,
 };
 use crate::cut::CameraCut;
-use crate::frontier::{CameraView, Frontier, FrontierStore, MapFit, SampleCamera, SharedLevels};
+use crate::frontier::{Frontier, FrontierStore, MapFit, SampleCamera, SharedLevels};
 use crate::knobs::{KnobLevels, KnobSettings, KnobSpace, WarmKnobs};
 use crate::units::Watts;
 
@@ -40,7 +40,7 @@ pub(super) struct Controlled {
     pub(super) bounds: &'static mut KnobBounds,
     pub(super) filter: &'static mut SettingsFilter,
     pub(super) errors: &'static ErrorFeedback,
-    pub(super) pace: &'static mut ErrorPace,
+    pub(super) rates: &'static mut RateTracker,
     pub(super) knobs: Option<&'static mut KnobSettings>,
 }
 
@@ -65,9 +65,10 @@ impl Deref for FrontierInUse<'_> {
 pub(super) struct Frame<'a> {
     /// How much its error counts.
     pub(super) weight: f64,
+    /// Whether its view has moved since its target changed last.
+    pub(super) has_moved: bool,
     pub(super) store: &'a dyn FrontierStore,
     pub(super) space: Arc<KnobSpace>,
-    pub(super) view: CameraView,
     pub(super) sample: SampleCamera,
     /// The frontier that was found.
     pub(super) whole: &'a Frontier,
@@ -77,7 +78,8 @@ pub(super) struct Frame<'a> {
     pub(super) limits: Limits,
     /// In the store's watts.
     pub(super) choice: Choice,
-    pub(super) binding: Option<Limit>,
+    /// The power that its own budget can bear now, in the store's watts: in a still view what could stay.
+    pub(super) most: Watts,
     /// Levels of the knobs that the cameras share, and what they cost.
     pub(super) agreed: Option<Agreement<'a>>,
 }

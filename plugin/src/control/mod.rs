@@ -9,7 +9,7 @@
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
 //! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |
 //! | [`ErrorFeedback`] | the [error meter](crate::error_meter), or the app | how measured errors compare with predicted ones |
-//! | [`ErrorPace`] | the controller | correction of the error rate for views unlike the calibration views |
+//! | [`RateTracker`] | the controller | the exchange rate of power and error, and what was spent of the budget |
 //! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app may call [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
 //!
@@ -28,8 +28,8 @@ mod write;
 
 pub use frugal_core::control::{
     Budget, BudgetError, CameraController, Choice, ControlSettings, Decisions, ErrorFeedback,
-    ErrorPace, ErrorPrice, Inputs, KnobBounds, Limit, MAX_OVER_MEAN, Outcome, PowerCorrection,
-    PowerDivision, PowerModel, SettingsFilter, TransitionTimes, select,
+    Inputs, KnobBounds, Limit, Outcome, PowerCorrection, PowerModel, RateTracker, SettingsFilter,
+    TransitionTimes, select,
 };
 
 pub use components::{

@@ -34,7 +34,7 @@ pub enum ControlSystems {
     /// ([`PowerFeedback`]).
     Observe,
     /// Then, for every camera: finds its frontier and how well it fits
-    /// ([`MapFit`](crate::frontier::MapFit)), selects a point of it, divides the [`AppBudget`], moves
+    /// ([`MapFit`](crate::frontier::MapFit)), selects a point of it at one exchange rate, moves
     /// the settings, writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings), and triggers
     /// [`SettingsSwitched`], [`BudgetStateChanged`] and [`MapRejected`].
     Control,

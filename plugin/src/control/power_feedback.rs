@@ -38,6 +38,8 @@ pub struct PowerFeedback {
     /// The correction in use, of the sum over all controlled cameras: what the meter says, after
     /// the map's watts are scaled to the app's frame rate.
     pub correction: PowerCorrection,
+    /// The same for a mean over tens of seconds, by which mean power is limited.
+    pub mean_correction: PowerCorrection,
     /// Standard deviation of the corrected power, watts; `None` before the first reading.
     pub deviation: Option<Watts>,
     /// Number of readings learnt from.
@@ -51,6 +53,11 @@ pub struct PowerFeedback {
 }
 
 impl PowerFeedback {
+    /// The correction of one camera's mean power.
+    pub fn mean_per_camera(&self) -> PowerCorrection {
+        self.mean_correction.shared_by(self.cameras)
+    }
+
     /// The correction of one camera's power.
     pub fn per_camera(&self) -> PowerCorrection {
         self.correction.shared_by(self.cameras)
@@ -128,9 +135,10 @@ impl FeedbackModel {
             Some(_) => FeedbackState::Held,
         };
         // Without a meter, watts are those of the map's frame rate.
-        let correction = match state {
-            FeedbackState::Off => PowerCorrection::default(),
-            _ => self.model.correction().after(at_rate),
+        let [correction, mean_correction] = match state {
+            FeedbackState::Off => [PowerCorrection::default(); 2],
+            _ => [self.model.correction(), self.model.mean_correction()]
+                .map(|correction| correction.after(at_rate)),
         };
         let has_left_map = state == FeedbackState::Running && self.model.has_left_map();
         let residual = self.model.residual();
@@ -141,12 +149,14 @@ impl FeedbackModel {
             );
         }
         let margin = if has_left_map { 1.0 + (residual * 10.0).round() / 10.0 } else { 1.0 };
+        let with_margin = |it: PowerCorrection| PowerCorrection {
+            gain: it.gain * margin,
+            offset: it.offset * margin,
+        };
         PowerFeedback {
             state,
-            correction: PowerCorrection {
-                gain: correction.gain * margin,
-                offset: correction.offset * margin,
-            },
+            correction: with_margin(correction),
+            mean_correction: with_margin(mean_correction),
             deviation: self.model.deviation().filter(|_| state != FeedbackState::Off),
             readings,
             has_left_map,

@@ -13,11 +13,13 @@
 //! | `pool` | the few dozen settings that cameras need |
 //! | `fit` | frontiers by address, the octree, error budgets |
 //! | [`pipeline`] | all of it in order |
+//! | [`evaluate`] | policies simulated along a recorded path, and compared |
 //!
-//! Each module imports only those above it. `linalg`, `farthest` and `medoids` serve all.
+//! Each module imports only those above it. `linalg`, `quantile`, `farthest` and `medoids` serve all.
 
 pub mod cameras;
 pub mod cost;
+pub mod evaluate;
 mod farthest;
 pub mod files;
 mod fit;
@@ -26,6 +28,7 @@ mod linalg;
 mod medoids;
 pub mod pipeline;
 mod pool;
+mod quantile;
 mod search;
 pub mod table;
 #[cfg(any(test, feature = "testing"))]

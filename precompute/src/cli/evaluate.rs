@@ -4,8 +4,14 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use bevy_frugal_gi::error_meter::ErrorMeter;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::{FrontierMap, SceneIdentity};
+use frugal_search::evaluate::{
+    Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Policy, PowerBudget, Trial,
+    parse_error_budget, settings_to_record,
+};
 use frugal_search::journal::{Existing, Journal, JournalHeader, hash};
 
 use super::CliError;
@@ -16,12 +22,11 @@ use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
 use super::progress::Progress;
 use crate::evaluate::{
-    self, Baselines, BudgetRequest, EvaluationError, EvaluationResult, PathPlan, PathRecord,
-    Policy, PowerBudget, RecordError, Trial, frames_csv, parse_error_budget, pictures,
-    play_for_real, settings_to_record, table,
+    self, EvaluationError, RecordError, frames_csv, pictures, play_for_real, table,
 };
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
+use bevy_frugal_gi::stage::default_settings;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -40,9 +45,12 @@ pub(super) struct Arguments {
     /// Budget of the mean error, 1 − SSIM
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
     error_budget: Vec<String>,
+    /// What budgets are means over, in seconds; below 1, every frame keeps them. Default: as in an app, 30
+    #[arg(long, value_name = "S", value_parser = horizon, allow_hyphen_values = true)]
+    horizon: Option<f64>,
     /// Baselines to compare with, all simulated from a record of the path. Quick ones are presets,
     /// resolution, and the constant by training cameras
-    #[arg(long, value_name = "WHICH", default_value = "quick")]
+    #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = baselines())]
     baselines: Baselines,
     /// Record of the path to resume and extend: power and error of settings in every frame; default:
     /// beside the map, and none of quick comparisons
@@ -70,6 +78,26 @@ pub(super) struct Arguments {
     /// Folder for a page with images and plots
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+}
+
+fn horizon(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| (0.0..=3600.0).contains(seconds));
+    seconds.ok_or_else(|| "expected seconds, 0 to 3600".to_owned())
+}
+
+/// The extents of a comparison by their names.
+fn baselines() -> impl TypedValueParser<Value = Baselines> {
+    let names = [
+        ("all", "Constants, one frontier, oracles, the reactive ladder, presets, resolution"),
+        ("quick", "Presets, resolution, and the constant by training cameras"),
+        ("none", "None: the frugal run alone"),
+    ];
+    let names = names.map(|(name, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).map(|name| match name.as_str() {
+        "all" => Baselines::All,
+        "none" => Baselines::None,
+        _ => Baselines::Quick,
+    })
 }
 
 fn transition(text: &str) -> Result<Duration, String> {
@@ -122,20 +150,22 @@ impl Arguments {
     }
 
     fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
+        let horizon_s = self.horizon;
         let power = |text: &String| text.parse::<PowerBudget>().map_err(CliError::usage);
         let error = |text: &String| parse_error_budget(text).map_err(CliError::usage);
         if let ([one], [other]) = (&self.power_budget[..], &self.error_budget[..]) {
             return Ok(vec![BudgetRequest {
                 power: Some(power(one)?),
                 error: Some(error(other)?),
+                horizon_s,
             }]);
         }
         let mut budgets = Vec::new();
         for text in &self.power_budget {
-            budgets.push(BudgetRequest { power: Some(power(text)?), error: None });
+            budgets.push(BudgetRequest { power: Some(power(text)?), error: None, horizon_s });
         }
         for text in &self.error_budget {
-            budgets.push(BudgetRequest { power: None, error: Some(error(text)?) });
+            budgets.push(BudgetRequest { power: None, error: Some(error(text)?), horizon_s });
         }
         if budgets.is_empty() {
             Err(CliError::usage("give --power-budget, --error-budget, or both"))
@@ -174,6 +204,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         meter: &meter,
         control: arguments.control(),
         baselines: arguments.baselines,
+        default: default_settings(&map.knobs),
+        meter_interval: |count| ErrorMeter::default().interval(count),
     };
     let mut results: Vec<EvaluationResult> =
         budgets.iter().map(|budget| trial.judge(budget)).collect();
@@ -204,7 +236,8 @@ fn check(
         with_progress(|on_frame| play_for_real(renderer, path, best, &mut policies, on_frame))
             .map_err(CliError::failed)?;
     for (result, run) in results.iter_mut().zip(&played.runs) {
-        result.add_check(run, played.drift);
+        let simulated = trial.record.simulate(&mut trial.controller(&result.budget));
+        result.add_check(run, &simulated, played.drift);
     }
     Ok(())
 }
@@ -270,12 +303,12 @@ fn record(
     let header = rendered_by(header, &map.knobs, &stage.meter())?;
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
-    let settings = settings_to_record(map, baselines);
+    let settings = settings_to_record(map, baselines, default_settings(&map.knobs));
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }
     let recorded = with_progress(|on_frame| {
-        record.extend(stage.processes(), &settings, &mut journal, on_frame)
+        evaluate::extend(&mut record, stage.processes(), &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
         RecordError::Journal(error) => of.failed(&error),

@@ -5,9 +5,11 @@ use std::path::Path;
 use frugal_core::frontier::FrontierMap;
 use frugal_core::knobs::did_you_mean;
 
+use frugal_search::evaluate::PathPlan;
+
 use super::CliError;
 use super::arguments::{CaptureArguments, SceneArguments};
-use crate::evaluate::PathPlan;
+use crate::evaluate::plan_along;
 use crate::scene::CameraPath;
 use crate::stage::{Program, StageOptions, StagedScene};
 use crate::subject::recorded_tracks;
@@ -61,7 +63,7 @@ pub(super) fn path_called<'s>(
 pub(super) fn plan_path(scene: &StagedScene, name: &str, fps: f64) -> Result<PathPlan, CliError> {
     let file = Path::new(name);
     if scene.paths.contains_key(name) || !file.is_file() {
-        return PathPlan::along(name, path_called(scene, name)?, fps).map_err(CliError::usage);
+        return plan_along(name, path_called(scene, name)?, fps).map_err(CliError::usage);
     }
     let tracks = recorded_tracks(file, fps).map_err(CliError::usage)?;
     let track = tracks.into_iter().max_by_key(Vec::len).unwrap_or_default();

@@ -8,11 +8,11 @@ use frugal_core::frontier::FrontierMap;
 use super::CliError;
 use super::arguments::{check_outputs, check_report, json, write, write_report};
 use super::input::read_map;
-use crate::evaluate::PowerBudget;
 use crate::inspect::{
     CompareError, MapComparison, compare, comparison_table, presets, presets_table,
 };
 use crate::report::{Survey, map_report};
+use frugal_search::evaluate::PowerBudget;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {

@@ -4,12 +4,10 @@
 use std::ops::ControlFlow;
 
 use frugal_core::knobs::KnobLevels;
+use frugal_search::evaluate::{Drift, EvaluationResult, Fixed, FrameRecord, PathPlan, Policy};
 use frugal_trace::metrics::{Picture, Reference};
 
-use super::play::{Against, play};
-use super::{
-    Drift, EvaluationError, EvaluationResult, Fixed, FrameRecord, PathPlan, Policy, Progress,
-};
+use super::play::{Against, EvaluationError, Progress, play};
 use crate::stage::FrameRenderer;
 
 /// Frames of history of an image.
@@ -102,4 +100,73 @@ pub(crate) fn pictures<P: FrameRenderer>(
         }
     }
     Ok(kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use frugal_search::evaluate::{Baselines, BudgetRequest, PowerBudget};
+    use frugal_search::testing::formula::{ALONG, map, path, recorded, space, trial};
+
+    use super::*;
+    use crate::evaluate::fake::Fake;
+
+    #[test]
+    fn a_real_play_checks_the_record_and_finds_drift() {
+        let map = map(space());
+        let record = recorded(&map, Baselines::Quick);
+        let trial = trial(&record, &map, Baselines::Quick);
+        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), ..Default::default() };
+        let mut result = trial.judge(&budget);
+        let mut renderer = Fake { drift: 0.2, ..Fake::default() };
+        let mut policies: Vec<Box<dyn Policy + '_>> =
+            vec![Box::new(trial.controller(&result.budget))];
+        let mut seen = 0;
+        let real = play_for_real(
+            &mut renderer,
+            &path(),
+            space().highest(),
+            &mut policies,
+            &mut |progress| {
+                seen = progress.frames_done;
+                assert!(progress.frames_done <= progress.frames_total);
+                ControlFlow::Continue(())
+            },
+        )
+        .unwrap();
+        assert_eq!(
+            (renderer.runs.join(", ").as_str(), seen),
+            ("maximum, frugal, maximum again", 30)
+        );
+        let simulated = record.simulate(&mut trial.controller(&result.budget));
+        result.add_check(&real.runs[0], &simulated, real.drift);
+        assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
+        assert_eq!(result.drift.repeat_max_error, 0.0);
+        assert!(result.warnings.last().unwrap().contains("the machine's"));
+        let check = result.spot_check.unwrap();
+        assert_eq!(check.recorded_mean_power_w, result.runs[0].mean_power_w);
+        assert!(
+            (check.mean_power_w.0 - 0.2 - check.recorded_mean_power_w.0).abs() < 1e-6,
+            "{check:?}"
+        );
+    }
+
+    #[test]
+    fn impossible_power_and_interruption_end_a_real_play() {
+        let play = |renderer: &mut Fake, most: usize| {
+            let mut policies: Vec<Box<dyn Policy>> = vec![Box::new(Fixed(space().lowest()))];
+            let on_frame = &mut |progress: &Progress<'_>| {
+                if progress.frames_done == most {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            };
+            play_for_real(renderer, &path(), space().highest(), &mut policies, on_frame)
+                .err()
+                .unwrap()
+        };
+        let broken = play(&mut Fake { broken_at: Some(13), ..Fake::default() }, 99);
+        assert_eq!(broken.to_string(), "run `frugal`, frame 3: the meter gave NaN W");
+        assert!(matches!(play(&mut Fake::default(), 25), EvaluationError::Interrupted));
+    }
 }

@@ -5,10 +5,11 @@ use std::path::Path;
 use frugal_core::frontier::{CostPoint, FrontierMap};
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
+use frugal_search::evaluate::{
+    PathRecord, Policy, Pose, Reactive, ResolvedBudget, best_constant, ladder,
+};
 use frugal_search::journal::read_journal;
 
-use super::baselines::{Reactive, best_constant, ladder};
-use super::{PathPlan, PathRecord, Policy, Pose, ResolvedBudget};
 use crate::scene::SceneDescription;
 
 /// Power and error of a map's settings at every frame of a path, as `frugal evaluate --record`
@@ -31,7 +32,7 @@ impl RecordedPath {
         let path =
             scene.paths.get(name).ok_or_else(|| format!("the scene has no path `{name}`"))?;
         let fps = map.capture.frames_per_second;
-        let plan = PathPlan::along(name, path, fps)?;
+        let plan = super::plan_along(name, path, fps)?;
         let (_, lines) = read_journal(file)
             .map_err(|error| format!("{error}; `frugal evaluate --record` writes such a file"))?;
         let record = PathRecord::restore(&plan, &map.knobs, &lines);
@@ -80,13 +81,13 @@ impl RecordedPath {
 
     /// The single settings of least mean error within a mean power.
     pub fn best_constant(&self, limit: Watts) -> Option<KnobLevels> {
-        let budget = ResolvedBudget { power_w: Some(limit), error: None };
+        let budget = ResolvedBudget { power_w: Some(limit), ..Default::default() };
         best_constant(&self.0.table, &budget).map(|(settings, _)| settings)
     }
 
     /// The ladder that engines ship, over the map's shared frontier.
     pub fn reactive(&self, map: &FrontierMap, limit: Watts) -> ReactiveLadder {
-        let budget = ResolvedBudget { power_w: Some(limit), error: None };
+        let budget = ResolvedBudget { power_w: Some(limit), ..Default::default() };
         ReactiveLadder(Reactive::new(ladder(&map.shared), budget), self.0.path.poses()[0])
     }
 }

@@ -6,110 +6,117 @@ use std::sync::mpsc;
 
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
 use frugal_search::journal::{Journal, JournalError};
 use frugal_trace::metrics::Reference;
 
-use super::path_costs::RecordError;
-use super::play::{Against, play};
-use super::{EvaluationError, Fixed, FrameRecord, PathPlan, PathRecord, Progress};
+use super::play::{Against, EvaluationError, Progress, play};
 use crate::stage::FrameRenderer;
 
-impl PathRecord {
-    /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
-    /// frame's cost. Several renderers play different settings side by side.
-    ///
-    /// The best settings are rendered first, whether recorded or not: their images are the
-    /// references.
-    ///
-    /// # Errors
-    /// When a frame renderer fails, the journal cannot be written, or `on_frame` breaks.
-    pub(crate) fn extend<P: FrameRenderer + Send>(
-        &mut self,
-        renderers: &mut [P],
-        settings: &[KnobLevels],
-        journal: &mut Journal,
-        on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-    ) -> Result<(), RecordError<P::Error>>
-    where
-        P::Error: Send,
-    {
-        let Self { path, space, table } = self;
-        let mut missing = space.canonical_once(settings.iter().copied());
-        missing.retain(|settings| table.column(*settings).is_none());
-        let Some(first) = renderers.first_mut().filter(|_| !missing.is_empty()) else {
-            return Ok(());
-        };
-        let best = space.canonical(space.highest());
-        missing.retain(|settings| *settings != best);
-        let frames_total = (1 + missing.len()) * path.poses().len();
-        let mut frames_done = 0;
-        let mut told = |settings: KnobLevels| {
-            frames_done += 1;
-            on_frame(&Progress { run: &space.describe(settings), frames_done, frames_total })
-        };
-        let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
-            if table.column(settings).is_some() {
-                return Ok(());
-            }
-            for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
-                let cost = CostPoint::new(power.0, error);
-                journal.append(&write_line(settings, frame, cost))?;
-                table.set(frame, settings, cost);
-            }
-            Ok::<_, JournalError>(())
-        };
-        let mut references: Vec<Reference> = Vec::new();
-        let series =
-            constant(first, (path, space), best, Against::Collect(&mut references), &mut || {
-                told(best)
-            })?;
-        keep(best, series)?;
+/// Why a path was not recorded. `E` is the frame renderer's error.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum RecordError<E> {
+    /// Rendering failed, or was interrupted. Earlier records are kept.
+    #[error(transparent)]
+    Play(#[from] EvaluationError<E>),
+    /// The record could not be written.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+}
 
-        let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
-        // Without a buffer, so that no more than a frame is rendered after the end.
-        let (sender, results) = mpsc::sync_channel(0);
-        std::thread::scope(|scope| {
-            for renderer in renderers {
-                let (sender, next, ends) = (sender.clone(), &next, &ends);
-                let (path, space, missing, references) = (&*path, &*space, &missing, &references);
-                scope.spawn(move || {
-                    while let Some(settings) =
-                        missing.get(next.fetch_add(1, Ordering::Relaxed)).copied()
-                    {
-                        let against = Against::Compare(references);
-                        let series =
-                            constant(renderer, (path, space), settings, against, &mut || {
-                                let is_heard = sender.send((settings, None)).is_ok();
-                                if is_heard && !ends.load(Ordering::Relaxed) {
-                                    ControlFlow::Continue(())
-                                } else {
-                                    ControlFlow::Break(())
-                                }
-                            });
-                        let has_ended = series.is_err();
-                        if sender.send((settings, Some(series))).is_err() || has_ended {
-                            return;
+/// Renders the whole path with each of `settings` that is not recorded yet, and stores each
+/// frame's cost. Several renderers play different settings side by side.
+///
+/// The best settings are rendered first, whether recorded or not: their images are the
+/// references.
+///
+/// # Errors
+/// When a frame renderer fails, the journal cannot be written, or `on_frame` breaks.
+pub(crate) fn extend<P: FrameRenderer + Send>(
+    record: &mut PathRecord,
+    renderers: &mut [P],
+    settings: &[KnobLevels],
+    journal: &mut Journal,
+    on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+) -> Result<(), RecordError<P::Error>>
+where
+    P::Error: Send,
+{
+    let PathRecord { path, space, table } = record;
+    let mut missing = space.canonical_once(settings.iter().copied());
+    missing.retain(|settings| table.column(*settings).is_none());
+    let Some(first) = renderers.first_mut().filter(|_| !missing.is_empty()) else {
+        return Ok(());
+    };
+    let best = space.canonical(space.highest());
+    missing.retain(|settings| *settings != best);
+    let frames_total = (1 + missing.len()) * path.poses().len();
+    let mut frames_done = 0;
+    let mut told = |settings: KnobLevels| {
+        frames_done += 1;
+        on_frame(&Progress { run: &space.describe(settings), frames_done, frames_total })
+    };
+    let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
+        if table.column(settings).is_some() {
+            return Ok(());
+        }
+        for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
+            let cost = CostPoint::new(power.0, error);
+            journal.append(&write_line(settings, frame, cost))?;
+            table.set(frame, settings, cost);
+        }
+        Ok::<_, JournalError>(())
+    };
+    let mut references: Vec<Reference> = Vec::new();
+    let series =
+        constant(first, (path, space), best, Against::Collect(&mut references), &mut || {
+            told(best)
+        })?;
+    keep(best, series)?;
+
+    let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
+    // Without a buffer, so that no more than a frame is rendered after the end.
+    let (sender, results) = mpsc::sync_channel(0);
+    std::thread::scope(|scope| {
+        for renderer in renderers {
+            let (sender, next, ends) = (sender.clone(), &next, &ends);
+            let (path, space, missing, references) = (&*path, &*space, &missing, &references);
+            scope.spawn(move || {
+                while let Some(settings) =
+                    missing.get(next.fetch_add(1, Ordering::Relaxed)).copied()
+                {
+                    let against = Against::Compare(references);
+                    let series = constant(renderer, (path, space), settings, against, &mut || {
+                        let is_heard = sender.send((settings, None)).is_ok();
+                        if is_heard && !ends.load(Ordering::Relaxed) {
+                            ControlFlow::Continue(())
+                        } else {
+                            ControlFlow::Break(())
                         }
+                    });
+                    let has_ended = series.is_err();
+                    if sender.send((settings, Some(series))).is_err() || has_ended {
+                        return;
                     }
-                });
-            }
-            drop(sender);
-            let mut result = Ok(());
-            for (settings, played) in results {
-                let now = match played {
-                    None if told(settings).is_break() => Err(EvaluationError::Interrupted.into()),
-                    None => Ok(()),
-                    Some(Ok(series)) => keep(settings, series).map_err(RecordError::from),
-                    Some(Err(error)) => Err(error.into()),
-                };
-                if now.is_err() {
-                    ends.store(true, Ordering::Relaxed);
                 }
-                result = result.and(now);
+            });
+        }
+        drop(sender);
+        let mut result = Ok(());
+        for (settings, played) in results {
+            let now = match played {
+                None if told(settings).is_break() => Err(EvaluationError::Interrupted.into()),
+                None => Ok(()),
+                Some(Ok(series)) => keep(settings, series).map_err(RecordError::from),
+                Some(Err(error)) => Err(error.into()),
+            };
+            if now.is_err() {
+                ends.store(true, Ordering::Relaxed);
             }
-            result
-        })
-    }
+            result = result.and(now);
+        }
+        result
+    })
 }
 
 /// Plays a path with the same settings throughout.
@@ -138,8 +145,10 @@ fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
 mod tests {
     use frugal_search::journal::{Existing, JournalHeader};
 
+    use frugal_search::testing::formula::{path, space};
+
     use super::*;
-    use crate::evaluate::fake::{Fake, path, space};
+    use crate::evaluate::fake::Fake;
 
     #[test]
     fn an_interrupted_record_resumes_with_the_missing_settings() {
@@ -150,24 +159,21 @@ mod tests {
             Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         let mut frames = 0;
-        let stopped = record.extend(&mut [Fake::default()], &[low], &mut journal, &mut |_| {
-            frames += 1;
-            if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        });
+        let stopped =
+            extend(&mut record, &mut [Fake::default()], &[low], &mut journal, &mut |_| {
+                frames += 1;
+                if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            });
         assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
         drop(journal);
         let (mut journal, lines) =
             Journal::open(&file, &JournalHeader::default(), Existing::Resume).expect("resumes");
         let mut again = PathRecord::restore(&path(), &space(), &lines);
         assert_eq!(again.table.settings(), [high]);
-        again
-            .extend(
-                &mut [Fake::default()],
-                &[low],
-                &mut journal,
-                &mut |_| ControlFlow::Continue(()),
-            )
-            .expect("plays");
+        extend(&mut again, &mut [Fake::default()], &[low], &mut journal, &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .expect("plays");
         assert!((0..2).all(|column| again.table.is_complete(column)));
         assert_eq!(again.table.settings(), [high, low]);
     }
@@ -181,12 +187,42 @@ mod tests {
             Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         let broken = Fake { broken_at: Some(25), ..Fake::default() };
-        let failed = record.extend(&mut [Fake::default(), broken], &all, &mut journal, &mut |_| {
-            ControlFlow::Continue(())
-        });
+        let failed =
+            extend(&mut record, &mut [Fake::default(), broken], &all, &mut journal, &mut |_| {
+                ControlFlow::Continue(())
+            });
         assert!(matches!(failed, Err(RecordError::Play(EvaluationError::BadPower { .. }))));
         let kept = record.table.settings().len();
         assert!((2..all.len()).contains(&kept), "{kept} of {}", all.len());
         assert!((0..kept).all(|column| record.table.is_complete(column)));
+    }
+
+    #[test]
+    fn constants_cost_the_same_simulated_and_rendered() {
+        let (low, high) = (space().canonical(space().lowest()), space().highest());
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        let (mut journal, _) =
+            Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
+        let mut record = PathRecord::restore(&path(), &space(), &[]);
+        let mut renderers = [Fake::default(), Fake::default(), Fake::default()];
+        extend(&mut record, &mut renderers, &[low, high, low], &mut journal, &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .expect("plays");
+        assert_eq!(record.table.settings(), [high, low], "once each, the references first");
+        for settings in [low, high] {
+            let mut references = Vec::new();
+            let mut renderer = Fake::default();
+            let mut run = |settings, against: Against<'_>| {
+                play(&mut renderer, &path(), "run", &mut Fixed(settings), against, &mut || {
+                    ControlFlow::Continue(())
+                })
+                .expect("plays")
+            };
+            run(high, Against::Collect(&mut references));
+            let real = run(settings, Against::Compare(&references));
+            assert_eq!(record.simulate(&mut Fixed(settings)), real);
+        }
     }
 }

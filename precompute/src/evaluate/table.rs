@@ -5,7 +5,7 @@ use std::io;
 
 use frugal_core::knobs::KnobSpace;
 
-use super::{EvaluationResult, RunResult};
+use frugal_search::evaluate::{EvaluationResult, RunResult};
 
 /// Heads of the columns of [`table`].
 pub(crate) const TABLE_HEADERS: [&str; 8] =
@@ -94,8 +94,11 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
     }
     if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
         let percent = 100.0 * share;
-        let _ =
-            writeln!(text, "The frugal run is over the power budget in {percent:.1} % of seconds.");
+        let seconds = result.budget.horizon_s;
+        let _ = writeln!(
+            text,
+            "The frugal run is over the power budget by 2 % in {percent:.1} % of all {seconds:.0} s."
+        );
     }
     for run in &result.runs {
         if let Some(note) = &run.note {
@@ -145,13 +148,14 @@ pub(crate) fn frames_csv(
 
 #[cfg(test)]
 mod tests {
+    use frugal_search::testing::formula::{judged, space};
+
     use super::*;
-    use crate::evaluate::fake::{judged, space};
 
     fn result() -> EvaluationResult {
         let mut result = judged(Some("10%"), None);
         let real = result.runs[0].series.clone();
-        result.add_check(&real, Default::default());
+        result.add_check(&real, &real, Default::default());
         result
     }
 
@@ -171,7 +175,7 @@ mod tests {
             lines[4..11].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
             [8; 7]
         );
-        assert!(lines[4].starts_with("frugal             1.209     1.209"), "{text}");
+        assert!(lines[4].starts_with("frugal             1.3"), "{text}");
         assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");
         assert!(text.contains("simulated from the record: 1.2"), "{text}");
         assert!(lines.iter().all(|line| line.trim_end() == *line));
@@ -183,7 +187,8 @@ mod tests {
         frames_csv(&result(), &space(), &mut bytes).unwrap();
         let mut reader = csv::Reader::from_reader(&bytes[..]);
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
-        assert_eq!(rows.len(), 70);
+        // Seven runs of fifteen ways there and back.
+        assert_eq!(rows.len(), 7 * 15 * 20);
         let of = |run: &str| rows.iter().find(|row| &row[0] == run).expect("a row");
         assert_eq!(&of("minimum")[8], "gi_vpl_count=0,resolution_scale=50%,antialiasing=off");
         assert_eq!(&of("minimum")[5], "", "a fixed policy predicts nothing");

@@ -2,9 +2,9 @@
 
 use frugal_trace::metrics::Picture;
 
-use crate::evaluate::{
-    EvaluationResult, FramePicture, FrameRecord, RunResult, TABLE_HEADERS, table_row,
-};
+use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
+
+use crate::evaluate::{FramePicture, TABLE_HEADERS, table_row};
 
 use super::{Color, Curve, Fact, Report, ReportError, Section, curves, provenance};
 
@@ -167,8 +167,10 @@ fn table(result: &EvaluationResult) -> (Vec<&'static str>, Vec<Vec<String>>) {
 mod tests {
     use std::ops::ControlFlow;
 
+    use frugal_search::testing::formula::{judged, path};
+
     use super::*;
-    use crate::evaluate::fake::{Fake, judged, path};
+    use crate::evaluate::fake::Fake;
     use crate::evaluate::pictures;
 
     #[test]

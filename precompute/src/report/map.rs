@@ -181,8 +181,9 @@ mod tests {
     };
     use frugal_core::knobs::KnobSpace;
 
+    use frugal_search::testing::formula::{self, error, power, space};
+
     use super::*;
-    use crate::evaluate::fake::{error, power, space};
 
     fn octree() -> Octree {
         let space = space();
@@ -207,7 +208,7 @@ mod tests {
     }
 
     fn map(octree: Octree) -> FrontierMap {
-        let whole = crate::evaluate::fake::map(space());
+        let whole = formula::map(space());
         FrontierMap {
             scene: SceneIdentity { name: "court".into(), ..whole.scene },
             capture: Capture { size: [320, 180], frames_per_second: 30.0, ..whole.capture },

@@ -65,7 +65,6 @@ const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "hud"];
 
 /// The tool's parts.
 const TOOL: &[&str] = &[
-    "quantile",
     "scene",
     "subject",
     "work_meter",
@@ -84,6 +83,7 @@ const SEARCH: &[&str] = &[
     "farthest",
     "medoids",
     "linalg",
+    "quantile",
     "journal",
     "cameras",
     "view_features",
@@ -93,6 +93,7 @@ const SEARCH: &[&str] = &[
     "pool",
     "fit",
     "pipeline",
+    "evaluate",
 ];
 
 /// The path tracer's parts.

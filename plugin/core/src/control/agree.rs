@@ -8,38 +8,27 @@
 use crate::frontier::SharedLevels;
 use crate::knobs::KnobLevels;
 
-/// How good a division is: fewer cameras that miss their own limits, then less error, then less power.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-pub struct Rank {
-    /// Cameras whose cheapest settings exceed their own limit, and whether the app's is exceeded.
-    pub missed: usize,
-    /// Sum of weighted errors.
-    pub error: f64,
-    /// Sum of powers, watts.
-    pub power: f64,
-}
-
 /// Most combinations of levels that are all tried.
 const MOST_TRIED: usize = 32;
 /// Most cameras for which they are.
 const MOST_CAMERAS: usize = 8;
 
-/// The levels of shared knobs, none above `wanted`, at which `divide` is best. `divide` is `None`
-/// for levels at which a camera has no settings, and was called last with the result. `alone`: the
-/// sum of errors of what the cameras choose alone, below which none can be.
+/// The levels of shared knobs, none above `wanted`, at which the sum that `cost` gives is least. It is
+/// `None` for levels at which a camera has no settings. `alone`: the sum of what the cameras choose alone,
+/// below which none can be.
 pub fn agree(
     shared: &SharedLevels<'_>,
     wanted: KnobLevels,
     cameras: usize,
     alone: f64,
-    mut divide: impl FnMut(KnobLevels) -> Option<Rank>,
+    mut cost: impl FnMut(KnobLevels) -> Option<f64>,
 ) -> KnobLevels {
-    let first = divide(wanted);
-    if first.is_some_and(|rank| rank.missed == 0 && rank.error <= alone * (1.0 + 1e-9)) {
+    let first = cost(wanted);
+    if first.is_some_and(|sum| sum <= alone * (1.0 + 1e-9)) {
         return wanted;
     }
     let mut best = (first, wanted);
-    let better = |new: Option<Rank>, old: Option<Rank>| match (new, old) {
+    let better = |new: Option<f64>, old: Option<f64>| match (new, old) {
         (Some(new), Some(old)) => new < old,
         (Some(_), None) => true,
         (None, _) => false,
@@ -54,9 +43,9 @@ pub fn agree(
                 rest /= count;
                 levels.with_level(knob, lowered)
             });
-            let rank = divide(levels);
-            if better(rank, best.0) {
-                best = (rank, levels);
+            let sum = cost(levels);
+            if better(sum, best.0) {
+                best = (sum, levels);
             }
         }
     } else {
@@ -64,9 +53,9 @@ pub fn agree(
             let from = best.1;
             for knob in shared.knobs().filter(|knob| from.level(*knob) > 0) {
                 let levels = from.with_level(knob, from.level(knob) - 1);
-                let rank = divide(levels);
-                if better(rank, best.0) {
-                    best = (rank, levels);
+                let sum = cost(levels);
+                if better(sum, best.0) {
+                    best = (sum, levels);
                 }
             }
             if best.1 == from {
@@ -74,7 +63,6 @@ pub fn agree(
             }
         }
     }
-    divide(best.1);
     best.1
 }
 
@@ -89,31 +77,25 @@ mod tests {
     }
 
     #[test]
-    fn the_best_levels_are_found_and_told_last() {
+    fn the_best_levels_are_found() {
         let knobs = ["a", "b"].map(|name| Knob::new(name, [0.0, 1.0, 2.0, 3.0]));
         let space = KnobSpace::new(knobs.into()).expect("a space");
         let knobs = SharedKnobs { names: vec!["a".into(), "b".into()], joules: vec![0.0; 16] };
         let shared = SharedLevels::new(&knobs, &space, 1.0).expect("shared knobs");
-        // Best at (1, 2); no settings at a = 0; a limit is missed above a + b = 4.
-        let rank = |levels: KnobLevels| {
+        // Best at (1, 2); no settings at a = 0.
+        let sum = |levels: KnobLevels| {
             let (a, b) = (levels.level(0), levels.level(1));
-            let error = (a as f64 - 1.0).abs() + (b as f64 - 2.0).abs();
-            (a > 0).then_some(Rank { missed: usize::from(a + b > 4), error, power: 0.0 })
+            (a > 0).then_some((a as f64 - 1.0).abs() + (b as f64 - 2.0).abs())
         };
         for cameras in [2, 64] {
-            let mut last = None;
-            let found = agree(&shared, at(3, 3), cameras, -1.0, |levels| {
-                last = Some(levels);
-                rank(levels)
-            });
-            assert_eq!((found, last), (at(1, 2), Some(at(1, 2))), "{cameras}");
+            assert_eq!(agree(&shared, at(3, 3), cameras, -1.0, sum), at(1, 2), "{cameras}");
             let mut calls = 0;
             let kept = agree(&shared, at(2, 2), cameras, 1.0, |levels| {
                 calls += 1;
-                rank(levels)
+                sum(levels)
             });
             assert_eq!((kept, calls), (at(2, 2), 1), "{cameras}: what all choose alone");
-            assert_eq!(agree(&shared, at(0, 0), cameras, 0.0, rank), at(0, 0));
+            assert_eq!(agree(&shared, at(0, 0), cameras, 0.0, sum), at(0, 0));
         }
     }
 }

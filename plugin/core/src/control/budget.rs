@@ -14,17 +14,19 @@ use crate::units::{Joules, Watts};
 /// Limits on a camera's power, error, and other currencies. Without a limit the controller selects the best
 /// settings.
 ///
-/// - Power only: least error within the limit, in every frame (Wang et al. 2016, equation 3.2).
-/// - Error only: least power whose mean error stays within the limit (equation 3.3; for the mean
-///   see [`ErrorRates`](crate::frontier::ErrorRates)).
+/// - Power only: least error whose mean power stays within the limit. Dear views are paid for by cheap
+///   ones: every frame takes the settings with the least power + λ × error (Everett 1963).
+/// - Error only: least power whose mean error stays within the limit.
 /// - Both: least power whose mean error stays within the error limit, as long as that is within the
 ///   power limit; else the least error within the power limit.
+///
+/// Means are over the last [`horizon`](Self::horizon). What each frame may take is [`peak`](Self::peak).
 ///
 /// Limits of other currencies become power limits by signals of the app and its device, and the
 /// tightest one holds; `Selection::binding` names it. A limit begins
 /// with the first figure of its signal. Figures that are missing later are the last one for ten
 /// seconds, then the conservative one: no headroom, and a battery that goes on giving its power.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(
     feature = "bevy",
     derive(bevy_ecs::component::Component, Reflect),
@@ -32,21 +34,28 @@ use crate::units::{Joules, Watts};
 )]
 #[non_exhaustive]
 pub struct Budget {
-    /// Power limit, in watts, at the frame rate of the frontier map; at least 0, infinity for no
-    /// limit.
+    /// Limit on the power averaged over the horizon, in watts, at the frame rate of the frontier map; at
+    /// least 0, infinity for no limit.
     ///
     /// Higher values improve quality and cost more power; lower values cost less and raise the
     /// error. No settings cost 0 W: the controller then selects the cheapest and reports the unmet
     /// limit in the selection.
     pub power: Option<Watts>,
-    /// Limit on the error averaged over frames: 1 − SSIM against the best settings, 0 to 2; at
+    /// Limit on the error averaged over the horizon: 1 − SSIM against the best settings, 0 to 2; at
     /// least 0, infinity for no limit.
     ///
-    /// Higher values cost less power and lower quality; lower values cost more. A single frame in
-    /// which error is expensive to reduce may exceed the limit, by at most
-    /// [`MAX_OVER_MEAN`](super::MAX_OVER_MEAN).
+    /// Higher values cost less power and lower quality; lower values cost more. Frames in which error is
+    /// expensive to reduce may exceed the limit.
     pub error: Option<f64>,
-    /// Limit on the energy of a frame, in joules; at least 0, infinity for no limit. The app's
+    /// What the means are over. Batteries, skin and a chip's own limiter feel tens of seconds.
+    ///
+    /// Higher values spend more where it is worth most, and let the power of single seconds differ more
+    /// from the limit; below a second every frame keeps the limits. Default: [`HORIZON`](Self::HORIZON).
+    pub horizon: Duration,
+    /// Limit on the power of each frame, in watts; at least 0, infinity for no limit. For devices that
+    /// throttle at once.
+    pub peak: Option<Watts>,
+    /// Limit on the mean energy of a frame, in joules; at least 0, infinity for no limit. The app's
     /// power over its frame rate; without a meter that corrects predictions, the map's.
     pub energy_per_frame: Option<Joules>,
     /// Limit on the time of a frame's work (`FrameTime`).
@@ -70,8 +79,10 @@ pub struct Budget {
 #[cfg_attr(feature = "bevy", derive(Reflect))]
 #[non_exhaustive]
 pub enum Limit {
-    /// Power, in watts.
+    /// Mean power, in watts.
     Power,
+    /// Power of each frame, in watts.
+    Peak,
     /// Error, as 1 − SSIM.
     Error,
     /// Energy of a frame, in joules.
@@ -95,6 +106,9 @@ pub enum BudgetError {
     /// The power limit, in watts, is NaN or negative.
     #[error("power budget of {0} W: give a number of watts of 0 or more, or no limit")]
     Power(f64),
+    /// The limit on the power of each frame, in watts, is NaN or negative.
+    #[error("peak of {0} W: give a number of watts of 0 or more, or no limit")]
+    Peak(f64),
     /// The error limit (1 − SSIM) is NaN or negative.
     #[error("error budget of {0}: give 1 - SSIM as a number of 0 or more, or no limit")]
     Error(f64),
@@ -106,14 +120,25 @@ pub enum BudgetError {
     Headroom(f64),
 }
 
+impl Default for Budget {
+    fn default() -> Self {
+        Self::new(None, None)
+    }
+}
+
 impl Budget {
+    /// Default of [`horizon`](Self::horizon): 30 s, as long as the long window of processors' own
+    /// limiters.
+    pub const HORIZON: Duration = Duration::from_secs(30);
+
     /// The limits that are given, in watts and as 1 − SSIM; `None` is no limit.
     pub const fn new(power: Option<Watts>, error: Option<f64>) -> Self {
         let (energy_per_frame, frame_time, battery_until, headroom) = (None, None, None, None);
-        Self { power, error, energy_per_frame, frame_time, battery_until, headroom }
+        let (horizon, peak) = (Self::HORIZON, None);
+        Self { power, error, horizon, peak, energy_per_frame, frame_time, battery_until, headroom }
     }
 
-    /// Least error within `power`, in watts.
+    /// Least error at a mean power of at most `power`, in watts.
     pub const fn power(power: Watts) -> Self {
         Self::new(Some(power), None)
     }
@@ -126,6 +151,18 @@ impl Budget {
     /// Both limits, in watts and as 1 − SSIM. Power takes priority where they conflict.
     pub const fn both(power: Watts, error: f64) -> Self {
         Self::new(Some(power), Some(error))
+    }
+
+    /// The same with means over `horizon`.
+    #[must_use]
+    pub const fn with_horizon(self, horizon: Duration) -> Self {
+        Self { horizon, ..self }
+    }
+
+    /// The same with a limit on the power of each frame, in watts.
+    #[must_use]
+    pub const fn with_peak(self, peak: Watts) -> Self {
+        Self { peak: Some(peak), ..self }
     }
 
     /// The same with a limit on the energy of a frame, in joules.
@@ -162,6 +199,9 @@ impl Budget {
         if let Some(power) = self.power.map(|power| power.0).filter(is_invalid) {
             return Err(BudgetError::Power(power));
         }
+        if let Some(peak) = self.peak.map(|peak| peak.0).filter(is_invalid) {
+            return Err(BudgetError::Peak(peak));
+        }
         if let Some(error) = self.error.filter(is_invalid) {
             return Err(BudgetError::Error(error));
         }
@@ -184,11 +224,14 @@ mod tests {
         for limit in [0.0, -0.0, 1e-300, 7.0, f64::INFINITY] {
             assert_eq!(Budget::power(Watts(limit)).validate(), Ok(()));
             assert_eq!(Budget::error(limit).validate(), Ok(()));
+            assert_eq!(Budget::default().with_peak(Watts(limit)).validate(), Ok(()));
             assert_eq!(Budget::both(Watts(limit), limit).validate(), Ok(()));
         }
         for limit in [f64::NAN, -1e-300, -7.0, f64::NEG_INFINITY] {
             assert!(matches!(Budget::power(Watts(limit)).validate(), Err(BudgetError::Power(_))));
             assert!(matches!(Budget::error(limit).validate(), Err(BudgetError::Error(_))));
+            let peak = Budget::default().with_peak(Watts(limit));
+            assert!(matches!(peak.validate(), Err(BudgetError::Peak(_))));
             assert!(matches!(
                 Budget::both(Watts(1.0), limit).validate(),
                 Err(BudgetError::Error(_))

@@ -1,11 +1,11 @@
 //! One camera's controller: view, frontiers and budget in, settings out. Independent of Bevy's
 //! schedule: the app's system and `frugal evaluate` call the same functions.
 
+use super::choose::choose;
 use super::limits::Limits;
-use super::pace::choose;
+use super::rate::{Curve, MIN_HORIZON, Rate, RateTracker};
 use super::{
-    Budget, Choice, ControlSettings, ErrorFeedback, ErrorPace, Outcome, PowerCorrection,
-    SettingsFilter,
+    Budget, Choice, ControlSettings, ErrorFeedback, Outcome, PowerCorrection, SettingsFilter,
 };
 use crate::frontier::{CameraView, CostPoint, Frontier, FrontierStore, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
@@ -27,6 +27,8 @@ pub struct Inputs<'a> {
     pub current: Option<KnobLevels>,
     /// From the store's watts to those of the app's meter.
     pub correction: PowerCorrection,
+    /// The same for a mean over the horizon.
+    pub mean_correction: PowerCorrection,
     /// From the store's errors to those measured.
     pub errors: ErrorFeedback,
     /// Transition times.
@@ -57,8 +59,8 @@ pub struct Decisions {
 pub struct CameraController {
     /// Moves settings to their target.
     pub filter: SettingsFilter,
-    /// Keeps the mean error.
-    pub pace: ErrorPace,
+    /// Steers the exchange rate.
+    pub rates: RateTracker,
 }
 
 impl CameraController {
@@ -68,38 +70,104 @@ impl CameraController {
         // Before the correction, which would turn an invalid limit into a valid one.
         let limits = inputs.budget.limits().ok()?;
         let found = inputs.store.look_up(&inputs.view)?;
-        let stored = limits.uncorrected(inputs.correction);
-        let (store, errors) = (inputs.store, &inputs.errors);
-        let choice = choose(store, found.frontier, &stored, errors, &mut self.pace)?;
+        self.filter.observe_view(&inputs.view, inputs.delta_seconds);
+        let terms = Terms {
+            store: inputs.store,
+            limits,
+            correction: inputs.correction,
+            mean_correction: inputs.mean_correction,
+            errors: inputs.errors,
+            hold: inputs.settings.dwell.as_secs_f64(),
+            delta_seconds: inputs.delta_seconds,
+        };
+        let rate = terms.rate(found.frontier, &mut self.rates, &mut self.filter);
+        let choice = terms.choose(found.frontier, &rate, &self.rates, &self.filter)?;
         let switch = Switch {
-            store,
             frontier: found.frontier,
-            space: store.knobs(),
+            space: inputs.store.knobs(),
             sample: found.camera,
-            view: inputs.view,
             limits,
             delta_seconds: inputs.delta_seconds,
             current: inputs.current,
             correction: inputs.correction,
-            errors,
             settings: &inputs.settings,
         };
-        Some(switch.step(&choice, |_| Watts(0.0), &mut self.filter, &mut self.pace))
+        Some(switch.step(&choice, |_| Watts(0.0), &mut self.filter, &mut self.rates))
+    }
+}
+
+/// What a camera's choice depends on beside its frontier.
+#[derive(Clone, Copy)]
+pub struct Terms<'a> {
+    /// The frontiers.
+    pub store: &'a dyn FrontierStore,
+    /// In the watts of the app's meter.
+    pub limits: Limits,
+    /// From the store's watts to those of the app's meter.
+    pub correction: PowerCorrection,
+    /// The same for a mean over the horizon.
+    pub mean_correction: PowerCorrection,
+    /// From the store's errors to those measured.
+    pub errors: ErrorFeedback,
+    /// How long settings are held, seconds.
+    pub hold: f64,
+    /// Duration of the frame, seconds.
+    pub delta_seconds: f64,
+}
+
+impl Terms<'_> {
+    /// The limits in the store's terms.
+    pub fn stored(&self) -> Limits {
+        let target =
+            |budget| self.errors.target(budget, self.store.error_target(budget)).unwrap_or(budget);
+        let of_mean = self.limits.horizon >= MIN_HORIZON;
+        let correction = if of_mean { self.mean_correction } else { self.correction };
+        Limits {
+            power: self.limits.uncorrected(correction).power,
+            error: self.limits.error.map(target),
+            ..self.limits.uncorrected(self.correction)
+        }
+    }
+
+    /// The exchange rate for this frame, in a view of `frontier`. Another budget begins anew.
+    pub fn rate(
+        &self,
+        frontier: &Frontier,
+        rates: &mut RateTracker,
+        filter: &mut SettingsFilter,
+    ) -> Rate {
+        let (given, stored) = (&self.limits, self.stored());
+        let watts = |power: Option<Watts>| power.map(|power| power.0);
+        if rates.begin(watts(given.power), given.error, given.horizon) {
+            filter.end_dwell();
+        }
+        if let Some(overall) = self.store.overall() {
+            rates.expect(overall);
+        }
+        let view = Curve::of(frontier, 1.0);
+        rates.rate(&view, watts(stored.power), stored.error, self.hold, self.delta_seconds)
+    }
+
+    /// The choice at that rate. `None` where the frontier is empty.
+    pub fn choose(
+        &self,
+        frontier: &Frontier,
+        rate: &Rate,
+        rates: &RateTracker,
+        filter: &SettingsFilter,
+    ) -> Option<Choice> {
+        choose(frontier, &self.stored(), rate, filter.has_moved() && !rates.is_instant())
     }
 }
 
 /// A frame's step from the settings in effect towards a choice.
 pub struct Switch<'a> {
-    /// As in [`Inputs`].
-    pub store: &'a dyn FrontierStore,
     /// The frontier of this frame.
     pub frontier: &'a Frontier,
     /// The store's knobs.
     pub space: &'a KnobSpace,
     /// The sample camera of the frontier.
     pub sample: SampleCamera,
-    /// As in [`Inputs`].
-    pub view: CameraView,
     /// In the watts of the app's meter.
     pub limits: Limits,
     /// As in [`Inputs`].
@@ -109,23 +177,20 @@ pub struct Switch<'a> {
     /// As in [`Inputs`].
     pub correction: PowerCorrection,
     /// As in [`Inputs`].
-    pub errors: &'a ErrorFeedback,
-    /// As in [`Inputs`].
     pub settings: &'a ControlSettings,
 }
 
 impl Switch<'_> {
-    /// Moves the applied settings towards those of `choice`, and counts their predicted error in
-    /// `pace`. `charge`: power that settings pay for the shared knobs of other cameras, in the
+    /// Moves the applied settings towards those of `choice`, and counts what they cost in `rates`.
+    /// `charge`: power that settings pay for the shared knobs of other cameras, in the
     /// store's watts; that of `choice` is included in its cost.
     pub fn step(
         &self,
         choice: &Choice,
         charge: impl Fn(KnobLevels) -> Watts,
         filter: &mut SettingsFilter,
-        pace: &mut ErrorPace,
+        rates: &mut RateTracker,
     ) -> Decisions {
-        filter.observe_view(&self.view, self.delta_seconds);
         match self.current {
             // Others have written them since: continue from there. Not at the start, where no
             // transition from the app's own settings is needed.
@@ -143,21 +208,18 @@ impl Switch<'_> {
         };
         let (seconds, dwell) = (self.delta_seconds, self.settings.dwell.as_secs_f64());
         let mut held_cost = None;
-        let target = filter.dwell.choose(choice.settings, &self.limits, seconds, dwell, |held| {
+        let target = filter.dwell.choose(choice, seconds, dwell, |held| {
             held_cost = cost_of(held);
-            held_cost.map(corrected)
+            held_cost
         });
         let held_cost = held_cost.filter(|_| target != choice.settings);
         let target_cost = held_cost.unwrap_or(choice.cost);
-        let times = self.settings.times(&Budget::new(self.limits.power, self.limits.error));
-        filter.limit_changes(self.settings.change_limit(&self.limits));
-        if filter.dwell.has_new_limits {
-            filter.forget_changes();
-        }
+        let limit = self.limits.peak.or(self.limits.power);
+        let times = self.settings.times(&Budget::new(limit, self.limits.error));
         let applied = filter.step(self.space, target, seconds, times);
         let cost =
             if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
-        pace.observe(self.store, self.errors, choice, cost, self.delta_seconds);
+        rates.spend(cost, self.delta_seconds);
         let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
         Decisions {
             sample: self.sample,
@@ -179,8 +241,10 @@ fn outcome_of(
     applied: CostPoint,
 ) -> Outcome {
     // The target keeps its limit by construction; the applied settings keep it if they cost no more.
-    let exceeds_power =
-        limits.power.is_some_and(|limit| applied.power > limit && applied.power > selected.power);
+    let exceeds = |limit: Option<Watts>| {
+        limit.is_some_and(|limit| applied.power > limit && applied.power > selected.power)
+    };
+    let exceeds_power = exceeds(limits.power) || exceeds(limits.peak);
     // An error limit is one on the mean, which the target's error may exceed in a frame.
     let exceeds_error =
         limits.error.is_some_and(|limit| applied.error > limit && applied.error > selected.error);

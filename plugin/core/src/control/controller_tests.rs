@@ -12,6 +12,7 @@ fn inputs(store: &dyn FrontierStore, budget: Budget, current: Option<KnobLevels>
         delta_seconds: 0.125,
         current,
         correction: PowerCorrection::default(),
+        mean_correction: PowerCorrection::default(),
         settings: ControlSettings::default(),
         errors: ErrorFeedback::default(),
     }
@@ -73,7 +74,7 @@ fn a_budget_is_in_the_watts_of_the_apps_meter() {
     let correction = PowerCorrection { gain: 2.0, offset: Watts(1.0) };
     let at = |watts: f64| {
         let mut inputs = inputs(&map, Budget::power(Watts(watts)), None);
-        inputs.correction = correction;
+        (inputs.correction, inputs.mean_correction) = (correction, correction);
         let found = CameraController::default().step(&inputs).expect("a decision");
         (found.predicted.power.0, found.uncorrected.0, found.outcome)
     };
@@ -85,6 +86,7 @@ fn a_budget_is_in_the_watts_of_the_apps_meter() {
     for limit in [f64::NAN, -1.0] {
         invalid.budget = Budget::power(Watts(limit));
         invalid.correction = PowerCorrection { gain: 1.0, offset: Watts(-5.0) };
+        invalid.mean_correction = invalid.correction;
         assert_eq!(CameraController::default().step(&invalid), None, "{limit}");
     }
 }
@@ -100,4 +102,47 @@ fn settings_of_others_are_where_the_transition_starts() {
     assert_eq!(found.applied, high, "at t = 0");
     let found = controller.step(&inputs(&map, cheap.budget, Some(high))).expect("a decision");
     assert!(found.applied != high && found.applied != low, "{found:?}");
+}
+
+/// Plays `seconds` at eight frames a second along a view that `x` moves; returns applied powers.
+fn walk(budget: Budget, seconds: usize, x: impl Fn(f32) -> f32) -> Vec<(KnobLevels, f64)> {
+    let map = testing::map(1);
+    let (mut controller, mut current) = (CameraController::default(), None);
+    let frame = |frame: usize| {
+        let mut inputs = inputs(&map, budget, current);
+        inputs.view.position.x = x(frame as f32 / 8.0);
+        let found = controller.step(&inputs).expect("a decision");
+        current = Some(found.applied);
+        (found.applied, found.predicted_applied.power.0)
+    };
+    (0..8 * seconds).map(frame).collect()
+}
+
+fn changes(played: &[(KnobLevels, f64)]) -> usize {
+    played.windows(2).filter(|two| two[0].0 != two[1].0).count()
+}
+
+#[test]
+fn a_still_view_does_not_switch_to_spend_what_is_left() {
+    // 6 W, 7 W and 9 W.
+    for limit in [6.2, 6.9, 7.5, 8.9] {
+        let played = walk(Budget::power(Watts(limit)), 120, |_| 0.0);
+        assert_eq!(changes(&played), 0, "{limit} W");
+        // Nor where a hand shakes.
+        let shaken = walk(Budget::power(Watts(limit)), 120, |time| 0.05 * (9.0 * time).sin());
+        assert_eq!(changes(&shaken), 0, "{limit} W");
+    }
+}
+
+#[test]
+fn a_moving_view_spends_the_mean_and_a_peak_holds_in_every_frame() {
+    let to_and_fro = |time: f32| (time * 0.7).sin();
+    let played = walk(Budget::power(Watts(7.8)), 180, to_and_fro);
+    let mean = played.iter().map(|(_, power)| power).sum::<f64>() / played.len() as f64;
+    assert!((0.97 * 7.8..1.013 * 7.8).contains(&mean), "{mean}");
+    assert!(played.iter().any(|(_, power)| *power > 8.9), "9 W for a while");
+    let held = walk(Budget::power(Watts(7.8)).with_peak(Watts(8.0)), 180, to_and_fro);
+    assert!(held.iter().all(|(_, power)| *power <= 8.0));
+    let instant = Budget::power(Watts(7.8)).with_horizon(std::time::Duration::ZERO);
+    assert!(walk(instant, 60, to_and_fro).iter().all(|(_, power)| *power <= 7.8));
 }

@@ -19,6 +19,9 @@ use crate::units::Watts;
 /// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
 /// lower values follow slow drift, such as a device that warms up, sooner.
 const FORGETTING_SECONDS: f64 = 4.0;
+/// Time constant of the correction of a mean, seconds. Higher values follow a device that warms up later;
+/// lower values take for the device what is a view's, and swing where a meter is late.
+const MEAN_SECONDS: f64 = 240.0;
 /// Standard deviation of a reading, as a share of it.
 const NOISE: f64 = 0.03;
 /// Standard deviation of a map's power at one address, as a share of it. Readings at one address
@@ -123,6 +126,8 @@ pub struct PowerModel {
     /// Mean square of what readings were off their corrected prediction, as a share.
     residual: f64,
     has_left: bool,
+    /// Sums of predicted and of metered energy, joules, in which older ones fade.
+    energies: [f64; 2],
 }
 
 impl Default for PowerModel {
@@ -140,6 +145,7 @@ impl Default for PowerModel {
             history: PredictionHistory::default(),
             residual: 0.0,
             has_left: false,
+            energies: [0.0; 2],
         };
         model.forget(0.0);
         model
@@ -151,6 +157,16 @@ impl PowerModel {
     /// power upwards, or 3 % downwards.
     pub fn correction(&self) -> PowerCorrection {
         self.used
+    }
+
+    /// The correction of a mean over tens of seconds: metered energy for each predicted one of the last
+    /// minutes. It does not follow single views, and bears readings that are late.
+    pub fn mean_correction(&self) -> PowerCorrection {
+        let [predicted, metered] = self.energies;
+        let gain = metered / predicted;
+        let is_known = gain.is_finite() && gain > 0.0;
+        let gain = if is_known { gain.clamp(1.0 / MAX_RATIO, MAX_RATIO) } else { 1.0 };
+        PowerCorrection { gain, offset: Watts(0.0) }
     }
 
     /// Number of readings learnt from.
@@ -192,11 +208,16 @@ impl PowerModel {
     /// Adds a reading: the mean power of the last `interval_seconds`. Ignored if it is not from 0 W
     /// to 100 kW, or there are no predictions of that interval.
     pub fn read(&mut self, metered: Watts, interval_seconds: f64) {
-        let is_valid = (0.0..=MAX_WATTS).contains(&metered.0) && interval_seconds > 0.0;
+        let is_time = interval_seconds > 0.0 && interval_seconds.is_finite();
+        let is_valid = (0.0..=MAX_WATTS).contains(&metered.0) && is_time;
         let Some((predicted, spread)) = self.history.mean(interval_seconds).filter(|_| is_valid)
         else {
             return;
         };
+        let kept = (-interval_seconds / MEAN_SECONDS).exp();
+        for (sum, watts) in self.energies.iter_mut().zip([predicted, metered.0]) {
+            *sum = *sum * kept + watts * interval_seconds;
+        }
         if self.readings == 0 {
             self.scale = predicted.max(1e-3);
         } else {

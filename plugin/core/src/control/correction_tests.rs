@@ -45,10 +45,11 @@ impl Loop {
             let inputs = Inputs {
                 store: &self.map,
                 view: testing::view(),
-                budget: Budget::power(self.budget),
+                budget: Budget::default().with_peak(self.budget),
                 delta_seconds: FRAME,
                 current: self.current,
                 correction: self.model.correction(),
+                mean_correction: self.model.mean_correction(),
                 settings: ControlSettings::default(),
                 errors: crate::control::ErrorFeedback::default(),
             };
@@ -312,4 +313,29 @@ fn two_points_that_disagree_do_not_make_a_steep_gain_so_that_no_setting_is_shut_
         let there = found.corrected(Watts(predicted)).0;
         assert!((3.9..=4.15).contains(&there), "{there}");
     }
+}
+
+#[test]
+fn the_correction_of_a_mean_is_the_ratio_of_energies() {
+    let mut model = PowerModel::default();
+    assert_eq!(model.mean_correction(), PowerCorrection::default(), "nothing is read");
+    // Views whose watts the map prices wrong by turns, on a device 1.4 times as hungry.
+    for second in 0..600 {
+        let predicted = if second % 4 < 2 { 4.0 } else { 12.0 };
+        let off = if second % 4 < 2 { 1.3 } else { 0.9 };
+        (0..30).for_each(|_| model.predict(Watts(predicted), 1.0 / 30.0));
+        model.read(Watts(1.4 * off * predicted), 1.0);
+    }
+    let gain = model.mean_correction().gain;
+    // Two seconds of 4 W and two of 12 W: the energies are 1.4 × (1.3 + 0.9 × 3) ÷ 4.
+    assert!((gain / 1.4 - 1.0).abs() < 0.01, "{gain}");
+    for odd in [f64::NAN, f64::INFINITY, -1.0] {
+        model.read(Watts(odd), 1.0);
+        model.read(Watts(5.0), odd);
+    }
+    assert!((model.mean_correction().gain / gain - 1.0).abs() < 0.02);
+    let mut dark = PowerModel::default();
+    (0..30).for_each(|_| dark.predict(Watts(0.0), 1.0 / 30.0));
+    dark.read(Watts(5.0), 1.0);
+    assert_eq!(dark.mean_correction(), PowerCorrection::default(), "no ratio");
 }

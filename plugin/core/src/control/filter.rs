@@ -15,10 +15,6 @@
 //! settings in between were none of the frontier's: lights without rays shine through walls, and on a
 //! map's furthest switches the filter made the image step further than it does without a filter.
 //!
-//! Where targets alternate for long, a knob that has changed often of late
-//! ([`limit_changes`](SettingsFilter::limit_changes)) waits before it rises again, and falls in one step
-//! instead of level by level.
-//!
 //! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
 //! exceeded, and rise slowly when power is left over.
 
@@ -43,10 +39,6 @@ const MAX_STEP_SECONDS: f64 = 1e9;
 /// and fall times; up to two margins, the level comes to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
 
-/// Changes of a knob's level in succession before their rate is limited; more where it has more levels,
-/// so that a transition over all of them stays gradual.
-const BURST: usize = 4;
-
 /// Direction of a level's last change since its knob was at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Change {
@@ -68,20 +60,11 @@ struct Transition {
     /// The applied level.
     level: u8,
     last: Change,
-    /// Changes of the level of late; falls with time.
-    changes: f64,
 }
 
 impl Transition {
     fn at_rest(level: u8) -> Self {
-        Self {
-            position: f64::from(level),
-            to: level,
-            rate: 0.0,
-            level,
-            last: Change::None,
-            changes: 0.0,
-        }
+        Self { position: f64::from(level), to: level, rate: 0.0, level, last: Change::None }
     }
 
     /// Remaining levels; negative downwards.
@@ -112,9 +95,8 @@ impl Transition {
         }
     }
 
-    /// Rounds the position as the closed form does, with hysteresis on reversals. A knob that has
-    /// changed too often rises later, and falls to its target at once.
-    fn round(&mut self, most_changes: f64) {
+    /// Rounds the position as the closed form does, with hysteresis on reversals.
+    fn round(&mut self) {
         let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
         let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
         let offset = self.position - f64::from(self.level);
@@ -126,17 +108,7 @@ impl Transition {
         } else {
             return;
         };
-        if self.changes >= most_changes {
-            if change == Change::Up {
-                return;
-            }
-            // A budget must not wait.
-            if self.to < self.level {
-                self.position = f64::from(self.to);
-            }
-        }
         self.level = self.position.round() as u8;
-        self.changes += 1.0;
         self.last = change;
     }
 }
@@ -152,8 +124,6 @@ pub struct SettingsFilter {
     /// Position and viewing direction of the last frame.
     seen: Option<(Vec3, Vec3)>,
     pub(super) dwell: Dwell,
-    /// Mean changes of a knob's level per second that are allowed; `None` for any number.
-    changes_per_second: Option<f64>,
 }
 
 impl SettingsFilter {
@@ -174,28 +144,21 @@ impl SettingsFilter {
         self.dwell.end();
     }
 
-    /// Limits how often a knob's level changes, in changes per second; those of one transition, and
-    /// four in succession, are always allowed. `None`, infinity, NaN and negative numbers are no
-    /// limit. Lower values switch less often and leave more of a budget unused; 0 allows one
-    /// transition, and then only falls.
-    pub fn limit_changes(&mut self, per_second: Option<f64>) {
-        self.changes_per_second = per_second.filter(|rate| (0.0..f64::INFINITY).contains(rate));
-    }
-
-    /// Forgets earlier changes of levels: another budget does not wait for them.
-    pub fn forget_changes(&mut self) {
-        self.transitions.iter_mut().for_each(|transition| transition.changes = 0.0);
-    }
-
     /// Tells the filter of this frame's view, `delta_seconds` after that of the last call: one that
     /// is elsewhere is a [cut](Self::cut), as [`is_cut`] tells.
     pub fn observe_view(&mut self, view: &CameraView, delta_seconds: f64) {
         let now = (view.position, view.rotation * Vec3::NEG_Z);
+        self.dwell.see(now);
         if let Some(then) = self.seen.replace(now)
             && is_cut(then, now, delta_seconds as f32)
         {
             self.cut();
         }
+    }
+
+    /// Whether the view has moved since the target changed last.
+    pub fn has_moved(&self) -> bool {
+        self.dwell.has_moved()
     }
 
     /// Whether the next step continues from the applied settings: false after a [cut](Self::cut)
@@ -236,10 +199,8 @@ impl SettingsFilter {
             return target;
         }
         let (transitions, before) = (&mut self.transitions, self.applied);
-        let forgotten = self.changes_per_second.map_or(f64::INFINITY, |rate| rate * delta_seconds);
         self.applied = space.from_levels(|index, knob| {
             let transition = &mut transitions[index];
-            transition.changes = (transition.changes - forgotten).max(0.0);
             let highest = (knob.levels.len() - 1) as f64;
             let to = target.level(index) as u8;
             let is_at_rest = transition.to == to && transition.remaining() == 0.0;
@@ -261,7 +222,7 @@ impl SettingsFilter {
             let is_kept =
                 depends && transition.remaining() != 0.0 && !space.has_effect(target, knob);
             if !is_kept {
-                transition.round(highest.max(BURST as f64));
+                transition.round();
             }
             usize::from(transition.level)
         });

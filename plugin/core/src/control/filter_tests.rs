@@ -205,41 +205,6 @@ fn a_target_that_stays_long_enough_is_followed_each_time() {
     }
 }
 
-#[test]
-fn a_knob_that_alternates_changes_no_oftener_than_is_allowed_and_still_falls_in_time() {
-    let (space, high, low) = (long_space(), settings(9, 0), settings(0, 0));
-    for (limit, most) in [(None, f64::INFINITY), (Some(0.9), 0.9 * 120.0 + 15.0 + 1.0)] {
-        let mut filter = started(high);
-        filter.limit_changes(limit);
-        let (mut levels, mut late) = (Vec::new(), 0);
-        for frame in 0..120 * 60 {
-            let second = frame / 60;
-            let target = if second % 2 == 0 { high } else { low };
-            let applied = filter.step(
-                &space,
-                target,
-                1.0 / 60.0,
-                TransitionTimes {
-                    rise: Duration::from_millis(500),
-                    fall: Duration::from_millis(500),
-                },
-            );
-            levels.push(applied.level(0));
-            // Half a second after the target has fallen.
-            late += usize::from(second % 2 == 1 && frame % 60 > 35 && applied.level(0) > 0);
-        }
-        let found = changes(&levels) as f64;
-        assert!(found <= most && late == 0, "{limit:?}: {found} changes, {late} late frames");
-        assert!(limit.is_some() || found > 500.0, "{found}");
-        assert!(levels.iter().rev().take(240).any(|level| *level > 0), "it still rises");
-    }
-    for odd in [f64::NAN, -1.0, f64::INFINITY] {
-        let mut filter = started(low);
-        filter.limit_changes(Some(odd));
-        assert_eq!(filter.changes_per_second, None, "{odd}");
-    }
-}
-
 /// Lights of 4 levels, and rays of 3 that need them.
 fn dependent_space() -> KnobSpace {
     let lights = Knob::new("lights", [0.0, 64.0, 256.0, 1024.0]);

@@ -1,6 +1,6 @@
-//! Limits in all currencies, as one limit of power and one of error.
+//! Limits in all currencies, as limits of mean power, of each frame's power, and of mean error.
 //!
-//! Each limit becomes watts of one camera, and the least of them holds.
+//! Each limit becomes watts of one camera, and the least of each kind holds.
 
 use super::observed::Observed;
 use super::{Budget, BudgetError, Limit, PowerCorrection};
@@ -9,12 +9,18 @@ use crate::units::Watts;
 /// The valid limits of one camera in one frame: each is `None`, or a number of 0 or more.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Power limit, watts.
+    /// Limit on the mean power, watts.
     pub power: Option<Watts>,
-    /// Error limit, 1 − SSIM.
+    /// Limit on the mean error, 1 − SSIM.
     pub error: Option<f64>,
     /// The currency that the power limit comes from.
     pub power_by: Option<Limit>,
+    /// Limit on the power of each frame, watts.
+    pub peak: Option<Watts>,
+    /// The currency that the peak comes from.
+    pub peak_by: Option<Limit>,
+    /// What the means are over, seconds.
+    pub horizon: f64,
 }
 
 impl Budget {
@@ -25,6 +31,9 @@ impl Budget {
             power: self.power,
             error: self.error,
             power_by: self.power.map(|_| Limit::Power),
+            peak: self.peak,
+            peak_by: self.peak.map(|_| Limit::Peak),
+            horizon: self.horizon.as_secs_f64(),
         })
     }
 }
@@ -49,13 +58,6 @@ pub fn resolve(budget: &Budget, observed: &Observed) -> Result<Limits, BudgetErr
                 .map(|(energy, rate)| Watts(energy.0 * rate * part)),
         ),
         (
-            Limit::FrameTime,
-            budget
-                .frame_time
-                .zip(observed.frame_time)
-                .map(|(limit, exchange)| in_app(exchange.predicted(limit.as_secs_f64()))),
-        ),
-        (
             Limit::Battery,
             budget.battery_until.zip(observed.battery).and_then(|(until, energy)| {
                 let left = until.as_secs_f64() - observed.now_seconds;
@@ -77,27 +79,36 @@ pub fn resolve(budget: &Budget, observed: &Observed) -> Result<Limits, BudgetErr
             ),
         ),
     ];
-    let mut tightest = Limits { error: budget.error, ..Limits::default() };
+    // A frame that takes too long is late, whatever others take.
+    let time = budget
+        .frame_time
+        .zip(observed.frame_time)
+        .map(|(limit, exchange)| in_app(exchange.predicted(limit.as_secs_f64())));
+    let (power, power_by) = tightest(&limits);
+    let (peak, peak_by) = tightest(&[(Limit::Peak, budget.peak), (Limit::FrameTime, time)]);
+    let (error, horizon) = (budget.error, budget.horizon.as_secs_f64());
+    Ok(Limits { power, error, power_by, peak, peak_by, horizon })
+}
+
+/// The least of the limits, and its currency.
+fn tightest(limits: &[(Limit, Option<Watts>)]) -> (Option<Watts>, Option<Limit>) {
+    let mut tightest = (None, None);
     for (limit, power) in limits {
         // Infinity limits nothing, and NaN is no number of watts.
         let Some(power) = power.filter(|power| power.0 < f64::INFINITY) else { continue };
         let power = Watts(power.0.max(0.0));
-        if tightest.power.is_none_or(|least| power < least) {
-            (tightest.power, tightest.power_by) = (Some(power), Some(limit));
+        if tightest.0.is_none_or(|least| power < least) {
+            tightest = (Some(power), Some(*limit));
         }
     }
-    Ok(tightest)
+    tightest
 }
 
 impl Limits {
     /// The same in the watts of a map. Finite limits stay finite.
     pub fn uncorrected(self, correction: PowerCorrection) -> Self {
-        Self { power: self.power.map(|limit| correction.uncorrected(limit)), ..self }
-    }
-
-    /// The power limit; `None` where it is infinite.
-    pub fn finite_power(&self) -> Option<f64> {
-        self.power.map(|limit| limit.0).filter(|limit| *limit < f64::INFINITY)
+        let stored = |limit: Option<Watts>| limit.map(|limit| correction.uncorrected(limit));
+        Self { power: stored(self.power), peak: stored(self.peak), ..self }
     }
 }
 

@@ -5,9 +5,11 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::Outcome;
+use crate::control::choose;
 use crate::control::exchange::Exchange;
-use crate::control::select::select_within;
+use crate::control::rate::Rate;
+use crate::control::{Choice, Outcome};
+use crate::frontier::{CostPoint, Frontier};
 use crate::testing;
 use crate::units::Joules;
 
@@ -33,6 +35,13 @@ fn all_known() -> Observed {
     }
 }
 
+/// The choice in a still view.
+fn choose_still(frontier: &Frontier, limits: &Limits) -> Option<Choice> {
+    let most = CostPoint::new(f64::INFINITY, f64::INFINITY);
+    let rate = Rate { watts_per_error: f64::INFINITY, most, is_by_error: false };
+    choose(frontier, limits, &rate, false)
+}
+
 fn limits_of(budget: &Budget, observed: &Observed) -> Limits {
     resolve(budget, observed).expect("valid limits")
 }
@@ -52,7 +61,12 @@ fn every_currency_becomes_watts_and_the_tightest_holds() {
     let headroom = none.with_headroom(0.3);
     assert_eq!(resolved(none, &known), None);
     assert_eq!(resolved(energy, &known), Some((9.0, Limit::EnergyPerFrame)));
-    assert_eq!(resolved(time, &known), Some((8.0, Limit::FrameTime)));
+    let peak = |budget: Budget| {
+        let limits = limits_of(&budget, &known);
+        Some(((limits.peak?.0 * 1e6).round() / 1e6, limits.peak_by?))
+    };
+    assert_eq!((resolved(time, &known), peak(time)), (None, Some((8.0, Limit::FrameTime))));
+    assert_eq!(peak(time.with_peak(Watts(7.0))), Some((7.0, Limit::Peak)));
     assert_eq!(resolved(battery, &known), Some((7.0, Limit::Battery)));
     assert_eq!(resolved(headroom, &known), Some((9.0, Limit::Headroom)));
     let together = Budget { headroom: Some(0.3), ..battery }
@@ -70,7 +84,8 @@ fn watts_of_the_app_are_shared_by_its_cameras_and_corrected() {
     let known = Observed { cameras: 2, correction, ..all_known() };
     let none = Budget::default();
     let of = |budget| resolved(budget, &known).map(|(watts, _)| watts);
-    assert_eq!(of(none.with_frame_time(Duration::from_millis(10))), Some(8.5), "(2 × 8 + 1) / 2");
+    let time = limits_of(&none.with_frame_time(Duration::from_millis(10)), &known);
+    assert_eq!(time.peak, Some(Watts(8.5)), "(2 × 8 + 1) / 2");
     assert_eq!(of(none.with_energy_per_frame(Joules(0.15))), Some(4.5));
     assert_eq!(of(Budget::power(Watts(5.0))), Some(5.0), "a camera's own");
 }
@@ -83,6 +98,7 @@ fn what_is_not_known_limits_nothing() {
         .with_battery_until(Duration::from_secs(10))
         .with_headroom(1.0);
     assert_eq!(resolved(budget, &Observed::default()), None);
+    assert_eq!(limits_of(&budget, &Observed::default()).peak, None);
     // The time is over, the promise kept.
     let battery = Budget::default().with_battery_until(Duration::from_secs(100));
     assert_eq!(resolved(battery, &all_known()), None);
@@ -120,9 +136,9 @@ fn what_cannot_be_met_is_the_cheapest_and_names_the_limit() {
         (none.with_headroom(0.3), hot, Limit::Headroom, Outcome::Met),
     ] {
         let limits = limits_of(&budget, &observed);
-        let choice = select_within(&frontier, &limits, None).expect("a choice");
+        let choice = choose_still(&frontier, &limits).expect("a choice");
         assert_eq!((choice.cost.power, choice.outcome), (Watts(1.0), outcome), "{limit:?}");
-        assert_eq!(limits.binds(&frontier, &choice), Some(limit));
+        assert_eq!(choice.binding, Some(limit));
     }
 }
 
@@ -132,8 +148,7 @@ fn the_binding_limit_is_the_one_without_which_settings_were_better() {
     let frontier = testing::frontier(1.0);
     let binds = |budget: Budget| {
         let limits = limits_of(&budget, &all_known());
-        let choice = select_within(&frontier, &limits, None).expect("a choice");
-        limits.binds(&frontier, &choice)
+        choose_still(&frontier, &limits).expect("a choice").binding
     };
     assert_eq!(binds(Budget::default()), None);
     assert_eq!(binds(Budget::power(Watts(2.5))), Some(Limit::Power));
@@ -167,10 +182,12 @@ proptest! {
                 battery_power: exchange,
                 ..all_known()
             };
-            limits_of(&budget, &observed).power.map_or(f64::INFINITY, |power| power.0)
+            let limits = limits_of(&budget, &observed);
+            [limits.power, limits.peak].map(|limit| limit.map_or(f64::INFINITY, |watts| watts.0))
         };
         let more = [0, 1, 2, 3].map(|i| limits[i] + looser[i]);
-        prop_assert!(with(more) >= with(limits));
+        let ([power, peak], [less, lower]) = (with(more), with(limits));
+        prop_assert!(power >= less && peak >= lower);
     }
 
     #[test]
@@ -197,7 +214,9 @@ proptest! {
             cameras,
             range: Some((Watts(gain), Watts(offset))),
         };
-        let Ok(Limits { power, .. }) = resolve(&budget, &observed) else { return Ok(()) };
-        prop_assert!(power.is_none_or(|power| power.0 >= 0.0 && power.0.is_finite()), "{:?}", power);
+        let Ok(Limits { power, peak, .. }) = resolve(&budget, &observed) else { return Ok(()) };
+        for limit in [power, peak].into_iter().flatten() {
+            prop_assert!(limit.0 >= 0.0 && limit.0.is_finite(), "{:?}", limit);
+        }
     }
 }

@@ -67,16 +67,17 @@ impl Loop {
             let inputs = Inputs {
                 store: &self.map,
                 view: testing::view(),
-                budget: Budget::new(limits.power, limits.error),
+                budget: Budget { peak: limits.peak, ..Budget::new(limits.power, limits.error) },
                 delta_seconds: self.frame,
                 current: self.current,
                 correction: PowerCorrection::default(),
+                mean_correction: PowerCorrection::default(),
                 settings: ControlSettings::default(),
                 errors: crate::control::ErrorFeedback::default(),
             };
             let found = self.controller.step(&inputs).expect("a decision");
             (self.current, self.outcome) = (Some(found.applied), Some(found.outcome));
-            self.binding = limits.power_by;
+            self.binding = limits.power_by.or(limits.peak_by);
             let power = self.device.step(found.uncorrected, self.frame).0;
             let work = 0.004 + self.seconds_per_watt * power;
             let (before, drawn) = (self.now, power + self.others);

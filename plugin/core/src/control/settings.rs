@@ -10,7 +10,6 @@ use bevy_reflect::Reflect;
 use bevy_reflect::std_traits::ReflectDefault;
 
 use super::Budget;
-use super::limits::Limits;
 
 /// Settings of the controller, for all cameras. Times are real time: [`Duration::ZERO`] switches at
 /// once, [`Duration::MAX`] never.
@@ -32,15 +31,10 @@ pub struct ControlSettings {
     /// the limit sooner and change quality more visibly; higher values change it more gradually and
     /// exceed the limit for longer. Default: 0.5 s.
     pub fall: Duration,
-    /// Under a power limit, the least time from one change of the target to the next, as long as the
-    /// earlier one keeps the limits. Higher values change quality less often and use less of the
-    /// budget; lower values follow every border between two addresses of the map. A broken limit,
-    /// another budget and a cut do not wait. Default: 0.5 s.
+    /// Least time from one change of the target to the next, as long as the budget can bear the earlier
+    /// one. Higher values change quality less often and follow views less closely. Another budget and a
+    /// cut do not wait. Default: 1 s.
     pub dwell: Duration,
-    /// Under a power limit, how often a knob's level changes on average, in changes per second;
-    /// those of one transition are always allowed. Lower values change quality less often and use
-    /// less of the budget; infinity and NaN are no limit. Default: 0.85.
-    pub changes_per_second: f64,
     /// Whether the app's meter corrects predicted power: a measured one, or the modelled one that the
     /// map was made with. Default: true.
     pub power_feedback: bool,
@@ -49,12 +43,6 @@ pub struct ControlSettings {
 impl ControlSettings {
     /// Default of [`transition`](Self::transition).
     pub const TRANSITION: Duration = Duration::from_secs(1);
-
-    /// [`changes_per_second`](Self::changes_per_second) under `limits`; `None` without a power limit:
-    /// what waits under an error limit is paid at the next view.
-    pub(super) fn change_limit(&self, limits: &Limits) -> Option<f64> {
-        limits.finite_power().map(|_| self.changes_per_second)
-    }
 
     /// Transition times under `budget`. An infinite limit counts as none. With two limits the power
     /// limit decides, as it does where they conflict. An error limit alone applies to the mean, so
@@ -73,8 +61,7 @@ impl Default for ControlSettings {
         Self {
             transition: Self::TRANSITION,
             fall: Duration::from_millis(500),
-            dwell: Duration::from_millis(500),
-            changes_per_second: 0.85,
+            dwell: Duration::from_secs(1),
             power_feedback: true,
         }
     }

@@ -2,13 +2,13 @@
 //!
 //! An error budget limits the mean error of the rendered frames. A mean takes the least power when
 //! a watt reduces the error equally everywhere: each camera minimises P + λe with one exchange rate
-//! λ, and in fact P + λe² ÷ 0.01 (see [`Frontier::least_weighted`](super::Frontier::least_weighted);
-//! Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
+//! λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
 //! allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation 3.3)
 //! spends most where error is most expensive to reduce. The λ of each budget is calibrated on
 //! held-out cameras: it is the least at which the mean predicted error, plus an upper confidence bound
 //! of how errors differ from their predictions, is within the budget (risk-controlling sets; Bates,
-//! Angelopoulos, Lei, Malik, Jordan 2021).
+//! Angelopoulos, Lei, Malik, Jordan 2021). In play the controller steers λ so that the mean prediction
+//! stays at the target.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 pub struct ErrorRate {
     /// Budget of the mean error, 1 − SSIM; finite, above 0.
     pub budget: f64,
-    /// Exchange rate λ, in watts per unit of error where the error is 0.01; finite, at least 0. Higher values select better
-    /// and more expensive settings.
+    /// Exchange rate λ, in watts per unit of error; finite, at least 0. Higher values select better and
+    /// more expensive settings.
     pub watts_per_error: f64,
     /// Mean predicted error at which the measured error just meets the budget: the controller's
     /// target for the mean of its predictions. 1 − SSIM, finite, above 0. `None` in maps without
@@ -34,35 +34,31 @@ pub struct ErrorRate {
 pub struct ErrorRates(pub Vec<ErrorRate>);
 
 impl ErrorRates {
-    /// Rate of the largest calibrated budget that is at most `budget` (1 − SSIM), in watts per unit
-    /// of error. No interpolation: a frontier's errors are discrete. Infinite below the smallest
-    /// supported budget, where only the best settings are safe. `None` without calibration, or
+    /// The largest calibrated budget that is at most `budget` (1 − SSIM). No interpolation: a frontier's
+    /// errors are discrete.
+    fn within(&self, budget: f64) -> Option<&ErrorRate> {
+        let within = self.0.partition_point(|known| known.budget <= budget);
+        within.checked_sub(1).and_then(|last| self.0.get(last))
+    }
+
+    /// Rate that keeps `budget` at the calibration cameras, in watts per unit of error. Infinite below the
+    /// smallest calibrated budget, where only the best settings are safe. `None` without calibration, or
     /// where `budget` is NaN.
     pub fn rate(&self, budget: f64) -> Option<f64> {
         if self.0.is_empty() || budget.is_nan() {
             return None;
         }
-        let within = self.0.partition_point(|known| known.budget <= budget);
-        Some(
-            within
-                .checked_sub(1)
-                .and_then(|last| self.0.get(last))
-                .map_or(f64::INFINITY, |known| known.watts_per_error),
-        )
+        Some(self.within(budget).map_or(f64::INFINITY, |known| known.watts_per_error))
     }
 
     /// Mean predicted error (1 − SSIM) at which `budget` is just met: that of the largest
-    /// calibrated budget within it, scaled in proportion. `None` where it is unknown, where
-    /// `budget` is not finite, or below the smallest calibrated budget.
+    /// calibrated budget within it, scaled in proportion. 0 below the smallest calibrated budget, where
+    /// only the best settings are safe. `None` where it is unknown, or `budget` is not finite.
     pub fn target(&self, budget: f64) -> Option<f64> {
-        if !budget.is_finite() {
+        if !budget.is_finite() || self.0.is_empty() {
             return None;
         }
-        let known = self
-            .0
-            .partition_point(|known| known.budget <= budget)
-            .checked_sub(1)
-            .and_then(|last| self.0.get(last))?;
+        let Some(known) = self.within(budget) else { return Some(0.0) };
         known.predicted.map(|predicted| predicted * budget / known.budget)
     }
 
@@ -101,26 +97,26 @@ mod tests {
     }
 
     #[test]
-    fn a_budget_gets_the_rate_of_the_next_lower_calibrated_one() {
+    fn a_budget_gets_the_target_of_the_next_lower_calibrated_one() {
         let rates = rates(&[(0.01, 1000.0), (0.04, 10.0), (0.1, 0.0)]);
         assert!(rates.is_sound());
         assert_eq!(
-            [0.01, 0.0399, 0.04, 0.05].map(|budget| rates.rate(budget)),
-            [Some(1000.0), Some(1000.0), Some(10.0), Some(10.0)]
+            [0.005, 0.01, 0.0399, 0.04, 0.5].map(|budget| rates.rate(budget)),
+            [f64::INFINITY, 1000.0, 1000.0, 10.0, 0.0].map(Some)
         );
-        assert_eq!((rates.rate(0.5), rates.rate(f64::INFINITY)), (Some(0.0), Some(0.0)));
-        assert_eq!([0.005, 0.0, -1.0].map(|budget| rates.rate(budget)), [Some(f64::INFINITY); 3]);
+        assert_eq!((rates.rate(f64::NAN), ErrorRates::default().rate(0.1)), (None, None));
         let mut with_target = rates.clone();
         with_target.0[0].predicted = Some(0.008);
         assert_eq!(
             [0.005, 0.01, 0.02, 0.05].map(|budget| with_target.target(budget)),
-            [None, Some(0.008), Some(0.016), None]
+            [Some(0.0), Some(0.008), Some(0.016), None]
         );
         assert_eq!(
             [f64::NAN, f64::INFINITY].map(|budget| with_target.target(budget)),
             [None, None]
         );
-        assert_eq!((rates.rate(f64::NAN), ErrorRates::default().rate(0.1)), (None, None));
+        assert_eq!([0.0, -1.0].map(|budget| rates.target(budget)), [Some(0.0); 2]);
+        assert_eq!(ErrorRates::default().target(0.1), None);
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub use map::FrontierMap;
 pub use map_error::FrontierMapError;
 pub use metadata::{Bounds, Capture, SceneIdentity, Thresholds, WorkPrices};
 pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
-pub use pareto::{CostPoint, ERROR_UNIT, Frontier, FrontierPoint};
+pub use pareto::{CostPoint, Frontier, FrontierPoint};
 pub use shared_knobs::{SharedKnobs, SharedLevels};
 pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};
 pub use view::{CUT_DISTANCE, CameraView, ViewDirection, is_cut};

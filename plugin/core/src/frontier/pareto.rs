@@ -55,10 +55,6 @@ pub struct Frontier {
     points: Vec<FrontierPoint>,
 }
 
-/// Error (1 − SSIM) at which exchange rates are in watts per unit of error: in the middle of common
-/// budgets.
-pub const ERROR_UNIT: f64 = 0.01;
-
 impl Frontier {
     /// The frontier of any points. Drops dominated points, points that are not finite, and all but
     /// one of equal cost.
@@ -114,39 +110,22 @@ impl Frontier {
         self.points.get(worse)
     }
 
-    /// The point that minimises power + `rate` × error² ÷ 0.01, with `rate` in watts per
-    /// unit of error (1 − SSIM) where the error is 0.01; the best settings where `rate` is infinite.
-    /// `None` where the frontier is empty, or `rate` is NaN.
-    ///
-    /// Without the square only points of the convex hull are ever selected. The best settings have
-    /// no error by definition, and others a good part of the budget, so that the hull may jump from
-    /// half of the power to all of it. With it points between are selected as well, and views differ
-    /// less. On three recorded paths, selections that know every frame's costs take 0.0 to 2.8 %
-    /// more power than without it, at the same mean error.
-    ///
-    /// A linear search over a few dozen points: a binary search would need the convex hull and save
-    /// a few nanoseconds.
-    pub fn least_weighted(&self, rate: f64) -> Option<&FrontierPoint> {
-        self.least(rate, |error| error * (error / ERROR_UNIT))
-    }
-
     /// The point that minimises power + `rate` × error, with `rate` in watts per unit of error; the
     /// best settings where `rate` is infinite. `None` where the frontier is empty, or `rate` is NaN.
     ///
     /// Of all selections with one rate, these have the least power for their mean error (Everett
     /// 1963).
+    ///
+    /// A linear search over a few dozen points: a binary search would need the convex hull and save
+    /// a few nanoseconds.
     pub fn least_sum(&self, rate: f64) -> Option<&FrontierPoint> {
-        self.least(rate, |error| error)
-    }
-
-    fn least(&self, rate: f64, weight: impl Fn(f64) -> f64) -> Option<&FrontierPoint> {
         if rate.is_nan() {
             return None;
         }
         if rate == f64::INFINITY {
             return self.points.last();
         }
-        let sum = |point: &FrontierPoint| point.cost.power.0 + rate * weight(point.cost.error);
+        let sum = |point: &FrontierPoint| point.cost.power.0 + rate * point.cost.error;
         self.points.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))
     }
 
@@ -213,16 +192,16 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_selects_the_least_weighted_sum() {
+    fn a_rate_selects_the_least_sum() {
         let frontier = staircase();
-        let at = |rate| frontier.least_weighted(rate).map(|p| p.settings.bits());
-        // Errors of 0.5, 0.3 and 0 at 1 W, 2 W and 4 W weigh 25, 9 and 0.
+        let at = |rate| frontier.least_sum(rate).map(|p| p.settings.bits());
+        // A watt buys 0.2 of error, and then 0.15.
         assert_eq!(
-            [0.0, 0.062, 0.063, 0.222, 0.223, f64::INFINITY].map(at),
+            [0.0, 4.9, 5.1, 6.6, 6.7, f64::INFINITY].map(at),
             [Some(0), Some(0), Some(1), Some(1), Some(3), Some(3)]
         );
         assert_eq!(
-            (at(f64::NAN), at(-1.0), Frontier::default().least_weighted(1.0)),
+            (at(f64::NAN), at(-1.0), Frontier::default().least_sum(1.0)),
             (None, Some(0), None)
         );
     }

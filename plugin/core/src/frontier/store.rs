@@ -24,14 +24,6 @@ pub trait FrontierStore: Send + Sync {
     /// The knobs of the frontiers' settings.
     fn knobs(&self) -> &KnobSpace;
 
-    /// Exchange rate λ that keeps the mean error within `budget` (1 − SSIM), in watts per unit of
-    /// error, at least 0; see [`ErrorRates`](super::ErrorRates). `None` without calibration: the
-    /// budget then limits each frame's error.
-    fn error_rate(&self, budget: f64) -> Option<f64> {
-        let _ = budget;
-        None
-    }
-
     /// What the levels of knobs of app scope cost each camera. `None` where there are none, or their
     /// cost is unknown: with several cameras the levels of others then cost nothing.
     fn shared_levels(&self) -> Option<SharedLevels<'_>> {
@@ -56,7 +48,7 @@ pub trait FrontierStore: Send + Sync {
     }
 
     /// Mean predicted error (1 − SSIM) at which the error budget `budget` is just met. `None` where
-    /// it is unknown: the rate is then not adapted.
+    /// it is unknown: it is then the budget itself. 0 where only the best settings are safe.
     fn error_target(&self, budget: f64) -> Option<f64> {
         let _ = budget;
         None
@@ -125,10 +117,6 @@ impl FrontierStore for FrontierMap {
 
     fn knobs(&self) -> &KnobSpace {
         &self.knobs
-    }
-
-    fn error_rate(&self, budget: f64) -> Option<f64> {
-        self.error_rates.rate(budget)
     }
 
     fn error_target(&self, budget: f64) -> Option<f64> {

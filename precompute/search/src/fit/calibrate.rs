@@ -1,6 +1,5 @@
 //! Calibration of exchange rates to error budgets.
 
-use frugal_core::control::{Budget, ErrorPrice, select};
 use frugal_core::frontier::{ErrorRate, ErrorRates, Frontier};
 use frugal_core::knobs::KnobLevels;
 
@@ -60,8 +59,7 @@ pub(crate) fn calibrate(
                 .iter()
                 .filter_map(|camera| {
                     // The controller's own selection.
-                    let price = ErrorPrice::calibrated(rate, budget);
-                    let picked = select(camera.frontier, &Budget::error(budget), Some(price))?;
+                    let picked = camera.frontier.least_sum(rate)?;
                     let error = (camera.error)(picked.settings)?;
                     Some((picked.cost.error, error - picked.cost.error))
                 })

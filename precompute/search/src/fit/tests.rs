@@ -1,6 +1,5 @@
 //! Fits to synthetic scenes with known optimal maps.
 
-use frugal_core::control::{Budget, ErrorPrice, select};
 use frugal_core::frontier::{
     Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection, look_up_in,
 };
@@ -238,8 +237,8 @@ fn errors_away_from_tracks_get_a_margin() {
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);
     let frontier = &octree.frontiers[0];
-    let price = ErrorPrice::of_budget(rates, budget);
-    let settings = select(frontier, &Budget::error(budget), price).expect("a frontier").settings;
+    let rate = rates.rate(budget).expect("calibrated");
+    let settings = frontier.least_sum(rate).expect("a frontier").settings;
     (0..400).filter_map(|row| Some(scene.table.get(row, settings)?.error)).sum::<f64>() / 400.0
 }
 

@@ -12,9 +12,9 @@ use super::super::CliError;
 use super::super::arguments::{CaptureArguments, SceneArguments, WorkerArguments, duration};
 use super::super::input::path_called;
 use super::super::journal::JournalArguments;
-use crate::evaluate::PowerBudget;
 use crate::stage::StagedScene;
 use crate::subject::{recorded_tracks, tracks_of};
+use frugal_search::evaluate::PowerBudget;
 
 #[derive(clap::Args, Debug)]
 pub(in crate::cli) struct Arguments {

@@ -108,7 +108,7 @@ pub(super) fn regret(summary: &SearchSummary) -> Result<String, ReportError> {
                 .filter(|cost| cost.power.0 <= watts)
                 .collect();
             let error = |settings: Option<KnobLevels>| Some(table.get(row, settings?)?.error);
-            let one = select(&outcome.fitted.shared, &budget, None).map(|choice| choice.settings);
+            let one = select(&outcome.fitted.shared, &budget).map(|choice| choice.settings);
             let best = costs.iter().map(|cost| cost.error).fold(f64::INFINITY, f64::min);
             if let (Some(a), Some(b)) = (error(selected(summary, row, &budget)), error(one))
                 && best.is_finite()

@@ -1,6 +1,6 @@
 //! A finished search, and what its report reads of it.
 
-use frugal_core::control::{Budget, ErrorPrice, select};
+use frugal_core::control::{Budget, select};
 use frugal_core::frontier::{CostPoint, FrontierMap};
 use frugal_core::knobs::KnobLevels;
 use frugal_search::cameras::{CameraSet, MovingCamera};
@@ -34,7 +34,10 @@ pub(super) fn training_cameras(
 
 /// The settings selected at the camera of `row`, by a frontier fitted without it.
 pub(super) fn selected(summary: &SearchSummary, row: usize, budget: &Budget) -> Option<KnobLevels> {
-    let price =
-        budget.error.and_then(|error| ErrorPrice::of_budget(&summary.map.error_rates, error));
-    Some(select(summary.outcome.fitted.held_out.get(row)?, budget, price)?.settings)
+    let frontier = summary.outcome.fitted.held_out.get(row)?;
+    let rate = budget.error.and_then(|error| summary.map.error_rates.rate(error));
+    match rate {
+        Some(rate) => frontier.least_sum(rate).map(|point| point.settings),
+        None => select(frontier, budget).map(|choice| choice.settings),
+    }
 }

@@ -1,28 +1,29 @@
 //! Comparison of all policies under one budget, simulated from a record.
 
-use bevy_frugal_gi::stage::default_settings;
-use frugal_core::control::{Budget, ControlSettings, SettingsFilter};
-use frugal_core::frontier::{CostPoint, FrontierMap};
+use frugal_core::control::{ControlSettings, SettingsFilter};
+use frugal_core::frontier::{
+    CameraView, CostPoint, FrontierMap, FrontierStore, SampleCamera, SampleRef, ViewDirection,
+};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
 
-use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle};
+use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, mixed_constants, oracle};
 use super::bootstrap::dominates;
-use super::result::mean_error;
+use super::result::{mean_error, mean_power};
 use super::{
-    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
-    Pose, PowerBudget, ResolvedBudget, RunResult,
+    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, MeterInterval,
+    PathRecord, Policy, Pose, PowerBudget, ResolvedBudget, RunResult,
 };
 
 /// Extent of the comparison.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Baselines {
-    /// Constants, oracles, the reactive ladder, presets, resolution
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Baselines {
+    /// Constants, oracles, the reactive ladder, presets, resolution.
     All,
-    /// Presets, resolution, and the constant by training cameras
+    /// Presets, resolution, and the constant by training cameras.
     Quick,
-    /// None: the frugal run alone
+    /// None: the frugal run alone.
     None,
 }
 
@@ -34,18 +35,22 @@ const RESOLUTION_KNOB: &str = "resolution_scale";
 /// Baselines that have no more information about the path than the frugal run.
 const FAIR: [&str; 4] = [TRAINED, "reactive", "default", "resolution-only"];
 
+/// How many horizons a run lasts, at least.
+const HORIZONS: f64 = 2.0;
 /// Play that counts, and before that, seconds.
 const PLAYED_SECONDS: f64 = 1200.0;
 /// What a measurement costs, in frames of the best settings (`make bench BENCH=error_meter`).
 const METER_FRAMES: f64 = 5.0;
 /// Frame rate at which the meter's cost is spread, hertz. Recorded paths have fewer frames a second.
 const METER_FPS: f64 = 60.0;
-/// Most walks along a path in that time.
-const MAX_WALKS: f64 = 400.0;
 
 /// Settings to record for a comparison: the ends and those of the map, the presets and those with
-/// only the resolution lowered, the default and those with only the share of GI pixels lowered.
-pub(crate) fn settings_to_record(map: &FrontierMap, baselines: Baselines) -> Vec<KnobLevels> {
+/// only the resolution lowered, `default` and those with only the share of GI pixels lowered.
+pub fn settings_to_record(
+    map: &FrontierMap,
+    baselines: Baselines,
+    default: KnobLevels,
+) -> Vec<KnobLevels> {
     let space = &map.knobs;
     let mut all = vec![space.highest(), space.lowest()];
     if baselines != Baselines::None {
@@ -53,7 +58,7 @@ pub(crate) fn settings_to_record(map: &FrontierMap, baselines: Baselines) -> Vec
         all.extend(levels_of(space, RESOLUTION_KNOB));
     }
     if baselines == Baselines::All {
-        all.push(default_settings(space));
+        all.push(default);
         all.extend(levels_of(space, "gi_pixel_fraction"));
     }
     all.extend(map.settings());
@@ -70,7 +75,7 @@ fn levels_of(space: &KnobSpace, name: &str) -> Vec<KnobLevels> {
 
 /// What is compared, and under which conditions.
 #[derive(Clone, Copy)]
-pub(crate) struct Trial<'a> {
+pub struct Trial<'a> {
     /// The scene's name, for the result.
     pub scene: &'a str,
     /// Costs along the path.
@@ -87,16 +92,25 @@ pub(crate) struct Trial<'a> {
     pub control: ControlSettings,
     /// What to compare with.
     pub baselines: Baselines,
+    /// The settings of an app that sets nothing.
+    pub default: KnobLevels,
+    /// How often an error meter measures.
+    pub meter_interval: MeterInterval,
 }
 
 impl<'a> Trial<'a> {
     /// The controller under a budget.
-    pub(crate) fn controller(&self, budget: &ResolvedBudget) -> Controller<'a> {
+    pub fn controller(&self, budget: &ResolvedBudget) -> Controller<'a> {
         Controller::new(self.map, budget, self.lens, self.control)
     }
 
+    /// Simulates a policy's run along the path, there and back, for two horizons of `budget`.
+    fn play(&self, policy: &mut dyn Policy, budget: &ResolvedBudget) -> Vec<FrameRecord> {
+        self.record.simulate_for(policy, HORIZONS * budget.horizon_s)
+    }
+
     /// Simulates all runs under a budget.
-    pub(crate) fn judge(&self, request: &BudgetRequest) -> EvaluationResult {
+    pub fn judge(&self, request: &BudgetRequest) -> EvaluationResult {
         let (record, path) = (self.record, &self.record.path);
         let [lowest, highest] = [record.space.lowest(), record.space.highest()]
             .map(|settings| self.mean(settings).power);
@@ -112,7 +126,8 @@ impl<'a> Trial<'a> {
             };
             warnings.push(format!("the highest settings took no more power ({:.3} W) than the lowest ({:.3} W){meaning}", highest.0, lowest.0));
         }
-        let mut runs = vec![("frugal", record.simulate(&mut self.controller(&budget)), None)];
+        let frugal = self.play(&mut self.controller(&budget), &budget);
+        let mut runs = vec![("frugal", frugal, None)];
         if self.baselines != Baselines::None {
             if record.space.index_of(RESOLUTION_KNOB).is_none() {
                 warnings.push(format!(
@@ -163,7 +178,7 @@ impl<'a> Trial<'a> {
     /// `best`: power of the best settings.
     fn baselines(&self, budget: &ResolvedBudget, best: Watts) -> Vec<Run> {
         let (record, space) = (self.record, &self.record.space);
-        let fixed = |settings: KnobLevels| record.simulate(&mut Fixed(settings));
+        let fixed = |settings: KnobLevels| self.play(&mut Fixed(settings), budget);
         let note = |text: &str| Some(text.to_owned());
         let is_all = self.baselines == Baselines::All;
         let mut runs = vec![
@@ -173,7 +188,8 @@ impl<'a> Trial<'a> {
             ("minimum", fixed(space.lowest()), None),
         ];
         if is_all && budget.error.is_some() {
-            let series = measured(record, self.controller(budget), best);
+            let series =
+                measured(record, self.controller(budget).measuring(self.meter_interval), best);
             runs.push((
                 "frugal-measured",
                 series,
@@ -188,87 +204,106 @@ impl<'a> Trial<'a> {
             runs.push(("resolution-only", fixed(settings), (!is_met).then_some(closest)));
         }
         if is_all {
-            runs.push(("default", fixed(default_settings(space)), None));
+            runs.push(("default", fixed(self.default), None));
         }
         if is_all && let Some((settings, _)) = best_constant(&record.table, budget) {
             runs.push(("best-constant", fixed(settings), note("tuned on this path")));
+        }
+        if is_all && let Some(mut mixed) = mixed_constants(&record.table, budget) {
+            let series = self.play(&mut mixed, budget);
+            runs.push((
+                "mixed-constants",
+                series,
+                note("two constants in turns, tuned on this path"),
+            ));
         }
         if let Some(settings) = best_on(&self.map.shared, budget) {
             runs.push((TRAINED, fixed(settings), note("tuned on the training cameras")));
         }
         if is_all {
-            let (mut plain, filtered) = oracles(record, budget, self.control);
+            let one = OneFrontier(self.map);
+            let mut shared = Controller::new(&one, budget, self.lens, self.control);
+            let series = self.play(&mut shared, budget);
+            runs.push(("shared-frontier", series, note("one frontier for all views")));
+            let (mut plain, filtered) = self.oracles(budget);
             let reactive = &mut Reactive::new(ladder(&self.map.shared), *budget);
             runs.push((
                 "oracle",
-                record.simulate(&mut plain),
-                note("knows every frame in advance"),
+                self.play(&mut plain, budget),
+                note("knows the path in advance; settings are held for a second"),
             ));
             runs.push(("oracle-filtered", filtered, note("the same through the temporal filter")));
-            runs.push(("reactive", record.simulate(reactive), None));
+            runs.push(("reactive", self.play(reactive, budget), None));
         }
         runs
+    }
+
+    /// The oracle, and the run of an oracle through the temporal filter.
+    fn oracles(&self, budget: &ResolvedBudget) -> (Oracle, Vec<FrameRecord>) {
+        let record = self.record;
+        let keeps = |series: &[FrameRecord]| {
+            budget.keeps(
+                mean_power(series),
+                if budget.power_w.is_some() { 0.0 } else { mean_error(series) },
+            )
+        };
+        let hold = (record.path.fps().round() as usize).max(1);
+        let plain = oracle(&record.table, budget, hold, &mut |oracle| {
+            keeps(&record.simulate(&mut oracle.clone()))
+        });
+        let filtered = |oracle: &Oracle| {
+            let mut oracle = oracle.clone();
+            let mut filter = SettingsFilter::default();
+            let times = self.control.times(&budget.limits());
+            let mut through = move |frame: usize, dt: f64, pose: &Pose| {
+                let target = oracle.decide(frame, dt, pose).settings;
+                let settings = filter.step(&record.space, target, dt, times);
+                Choice { settings, target, predicted: None }
+            };
+            record.simulate_for(&mut through, 0.0)
+        };
+        let through = oracle(&record.table, budget, hold, &mut |oracle| keeps(&filtered(oracle)));
+        (plain, filtered(&through))
+    }
+}
+
+/// A map of one frontier for all views: that over all training cameras.
+struct OneFrontier<'a>(&'a FrontierMap);
+
+impl FrontierStore for OneFrontier<'_> {
+    fn look_up(&self, _: &CameraView) -> Option<SampleRef<'_>> {
+        let direction = ViewDirection::PositiveX;
+        let camera = SampleCamera { corner: 0, position: glam::Vec3::ZERO, direction };
+        let frontier = &self.0.shared;
+        (!frontier.is_empty()).then_some(SampleRef { camera, frontier })
+    }
+
+    fn knobs(&self) -> &KnobSpace {
+        &self.0.knobs
+    }
+
+    fn error_target(&self, budget: f64) -> Option<f64> {
+        self.0.error_target(budget)
     }
 }
 
 /// Name, frames and remark of a run.
 type Run = (&'static str, Vec<FrameRecord>, Option<String>);
 
-/// The mean of some walks along the path and back after as many others, with an error meter. A
-/// single walk's mean is off by what the next one makes good. A walk goes on where the last one
-/// ended. `best`: power of the best settings.
-fn measured(record: &PathRecord, controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
-    let mut controller = controller.measuring();
-    let seconds = 2.0 * record.path.poses().len() as f64 / record.path.fps();
-    let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MAX_WALKS);
-    for _ in 0..walks as u32 {
-        record.simulate_return(&mut controller);
-    }
+/// The second half of a long play with an error meter, its own power included. `best`: power of the best
+/// settings.
+fn measured(record: &PathRecord, mut controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
+    record.simulate_for(&mut controller, PLAYED_SECONDS);
     let before = controller.measurements();
-    let [mut mean, back] = record.simulate_return(&mut controller);
-    let further = (1..walks as u32).flat_map(|_| record.simulate_return(&mut controller));
-    for (done, frames) in (1..).zip(std::iter::once(back).chain(further)) {
-        let share = f64::from(done + 1).recip();
-        for (mean, frame) in mean.iter_mut().zip(frames) {
-            mean.power.0 += share * (frame.power.0 - mean.power.0);
-            mean.error += share * (frame.error - mean.error);
-        }
-    }
+    let mut series = record.simulate_for(&mut controller, PLAYED_SECONDS);
     // Power is that of the recorded rate whatever is drawn, so that a frame's energy is a share of it.
-    let share = METER_FRAMES * f64::from(controller.measurements() - before)
-        / (f64::from(walks as u32) * seconds * METER_FPS);
-    for frame in &mut mean {
+    let seconds = series.len() as f64 / record.path.fps();
+    let share =
+        METER_FRAMES * f64::from(controller.measurements() - before) / (seconds * METER_FPS);
+    for frame in &mut series {
         frame.power.0 += share * best.0;
     }
-    mean
-}
-
-/// The oracle, and the run of an oracle through the temporal filter.
-fn oracles(
-    record: &PathRecord,
-    budget: &ResolvedBudget,
-    control: ControlSettings,
-) -> (Oracle, Vec<FrameRecord>) {
-    let limit = budget.error.unwrap_or(f64::INFINITY);
-    let plain = oracle(&record.table, budget, &mut |oracle| {
-        mean_error(&record.simulate(&mut oracle.clone())) <= limit
-    });
-    let filtered = |oracle: &Oracle| {
-        let mut oracle = oracle.clone();
-        let mut filter = SettingsFilter::default();
-        let times = control.times(&Budget::new(budget.power_w, budget.error));
-        record.simulate(&mut move |frame: usize, dt: f64, pose: &Pose| {
-            let target = oracle.decide(frame, dt, pose).settings;
-            Choice {
-                settings: filter.step(&record.space, target, dt, times),
-                target,
-                predicted: None,
-            }
-        })
-    };
-    let through =
-        oracle(&record.table, budget, &mut |oracle| mean_error(&filtered(oracle)) <= limit);
-    (plain, filtered(&through))
+    series
 }
 
 fn gap(runs: &[RunResult], budget: &ResolvedBudget) -> Option<f64> {

@@ -18,7 +18,7 @@ const DWELL_SECONDS: f64 = 0.5;
 
 /// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest
 /// first.
-pub(crate) fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
+pub fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
     let points = frontier.points();
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
     let (low, high) = (first.cost.power.0.max(1e-9).ln(), last.cost.power.0.max(1e-9).ln());
@@ -39,7 +39,7 @@ pub(crate) fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
 ///
 /// Under an error budget it measures the error itself, which no app can: a generous baseline.
 #[derive(Clone, Debug)]
-pub(crate) struct Reactive {
+pub struct Reactive {
     ladder: Vec<KnobLevels>,
     rung: usize,
     budget: ResolvedBudget,
@@ -50,7 +50,7 @@ pub(crate) struct Reactive {
 
 impl Reactive {
     /// A policy that starts at the top rung. `ladder`: the cheapest settings first.
-    pub(crate) fn new(ladder: Vec<KnobLevels>, budget: ResolvedBudget) -> Self {
+    pub fn new(ladder: Vec<KnobLevels>, budget: ResolvedBudget) -> Self {
         Self { rung: ladder.len().saturating_sub(1), ladder, budget, dt: 0.0, loads: Vec::new() }
     }
 
@@ -105,7 +105,7 @@ mod tests {
     use frugal_core::units::Watts;
 
     use super::*;
-    use crate::evaluate::fake::path;
+    use crate::testing::formula::path;
 
     fn frontier() -> Frontier {
         Frontier::from_points((0..20u128).map(|bits| FrontierPoint {
@@ -139,15 +139,15 @@ mod tests {
     #[test]
     fn it_finds_a_rung_within_the_budget() {
         let (rung, switches) =
-            converged(ResolvedBudget { power_w: Some(Watts(30.0)), error: None });
+            converged(ResolvedBudget { power_w: Some(Watts(30.0)), ..Default::default() });
         // Where one rung exceeds the budget and the next one down leaves room, the ladder
         // oscillates with a period of a second and a half.
         assert!(1.3f64.powi(rung as i32) <= 30.0 && switches < 30, "{rung}, {switches} switches");
-        let (rung, _) = converged(ResolvedBudget { power_w: None, error: Some(0.1) });
+        let (rung, _) = converged(ResolvedBudget { error: Some(0.1), ..Default::default() });
         // Within the budget, or returning to it.
         assert!(0.5 / (rung + 1) as f64 <= 0.13, "{rung}");
         assert_eq!(
-            converged(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0,
+            converged(ResolvedBudget { power_w: Some(Watts(0.1)), ..Default::default() }).0,
             0,
             "no lower than the cheapest"
         );

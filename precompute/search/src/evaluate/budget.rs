@@ -2,13 +2,15 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::time::Duration;
 
+use frugal_core::control::Budget;
 use frugal_core::units::Watts;
 use serde::{Deserialize, Serialize};
 
 /// A power limit as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum PowerBudget {
+pub enum PowerBudget {
     /// In watts, above 0 and finite.
     Power(Watts),
     /// A position between the mean powers of the lowest and the highest settings: above 0 (lowest)
@@ -18,7 +20,7 @@ pub(crate) enum PowerBudget {
 
 impl PowerBudget {
     /// Reads watts, with or without a `W`, or a percentage, whatever the number.
-    pub(crate) fn read(text: &str) -> Option<Self> {
+    pub fn read(text: &str) -> Option<Self> {
         let text = text.trim();
         let number = |number: &str| number.trim_end().parse::<f64>().ok();
         match text.strip_suffix('%') {
@@ -64,7 +66,7 @@ impl fmt::Display for PowerBudget {
 ///
 /// # Errors
 /// When the text is not a number in that range.
-pub(crate) fn parse_error_budget(text: &str) -> Result<f64, String> {
+pub fn parse_error_budget(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number > 0.0 && number <= 2.0 => Ok(number),
         Ok(_) => Err(format!(
@@ -76,22 +78,25 @@ pub(crate) fn parse_error_budget(text: &str) -> Result<f64, String> {
 
 /// A request for a limit on power, on error, on both, or on neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct BudgetRequest {
+pub struct BudgetRequest {
     /// Limit on power.
     pub power: Option<PowerBudget>,
     /// Limit on error, 1 − SSIM.
     pub error: Option<f64>,
+    /// What means are over, seconds; `None` for the default of a budget.
+    pub horizon_s: Option<f64>,
 }
 
 impl BudgetRequest {
     /// The budget in watts; `lowest` and `highest` are the mean powers of the cheapest and the best
     /// settings on the path.
-    pub(crate) fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
+    pub fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
         let power = self.power.map(|power| match power {
             PowerBudget::Power(watts) => watts,
             PowerBudget::Share(share) => lowest + (highest - lowest) * share,
         });
-        ResolvedBudget { power_w: power, error: self.error }
+        let horizon_s = self.horizon_s.unwrap_or(ResolvedBudget::HORIZON_S);
+        ResolvedBudget { power_w: power, error: self.error, horizon_s }
     }
 }
 
@@ -107,17 +112,34 @@ impl fmt::Display for BudgetRequest {
 }
 
 /// A budget in absolute terms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ResolvedBudget {
-    /// Limit on power.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ResolvedBudget {
+    /// Limit on the mean power.
     pub power_w: Option<Watts>,
-    /// Limit on error, 1 − SSIM.
+    /// Limit on the mean error, 1 − SSIM.
     pub error: Option<f64>,
+    /// What the means are over, seconds.
+    pub horizon_s: f64,
+}
+
+impl Default for ResolvedBudget {
+    fn default() -> Self {
+        Self { power_w: None, error: None, horizon_s: Self::HORIZON_S }
+    }
 }
 
 impl ResolvedBudget {
+    /// That of a budget that says none, seconds.
+    pub const HORIZON_S: f64 = Budget::HORIZON.as_secs() as f64;
+
+    /// As the controller takes it.
+    pub fn limits(&self) -> Budget {
+        let horizon = Duration::try_from_secs_f64(self.horizon_s).unwrap_or(Duration::MAX);
+        Budget::new(self.power_w, self.error).with_horizon(horizon)
+    }
+
     /// Whether `power` and `error` are within the limits. NaN never is within a limit.
-    pub(crate) fn keeps(&self, power: Watts, error: f64) -> bool {
+    pub fn keeps(&self, power: Watts, error: f64) -> bool {
         self.power_w.is_none_or(|limit| power <= limit)
             && self.error.is_none_or(|limit| error <= limit)
     }
@@ -175,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_percentage_lies_between_the_lowest_and_the_highest() {
-        let request = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
+        let request = BudgetRequest { power: Some(PowerBudget::Share(0.6)), ..Default::default() };
         let power = request.resolve(Watts(2.0), Watts(7.0)).power_w.unwrap();
         assert!((power.0 - 5.0).abs() < 1e-12);
         assert_eq!(
@@ -186,7 +208,8 @@ mod tests {
 
     #[test]
     fn a_budget_is_kept_up_to_its_limit_and_never_by_nan() {
-        let budget = ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1) };
+        let budget =
+            ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1), ..Default::default() };
         assert!(budget.keeps(Watts(3.0), 0.1));
         assert!(!budget.keeps(Watts(3.0001), 0.1) && !budget.keeps(Watts(3.0), 0.1001));
         assert!(!budget.keeps(Watts(f64::NAN), 0.0) && !budget.keeps(Watts(0.0), f64::NAN));
@@ -195,7 +218,11 @@ mod tests {
 
     #[test]
     fn requests_print_as_they_are_typed() {
-        let request = BudgetRequest { power: Some("60%".parse().unwrap()), error: Some(0.02) };
+        let request = BudgetRequest {
+            power: Some("60%".parse().unwrap()),
+            error: Some(0.02),
+            ..Default::default()
+        };
         assert_eq!(request.to_string(), "power at most 60%, error at most 0.02");
         assert_eq!("57%".parse::<PowerBudget>().unwrap().to_string(), "57%");
         assert_eq!("7W".parse::<PowerBudget>().unwrap().to_string(), "7 W");

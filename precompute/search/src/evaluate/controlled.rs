@@ -1,6 +1,7 @@
 //! The plugin's controller as a policy, without an app.
 
-use bevy_frugal_gi::error_meter::ErrorMeter;
+use std::time::Duration;
+
 use frugal_core::control::{
     Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerCorrection,
 };
@@ -10,7 +11,7 @@ use frugal_core::knobs::KnobLevels;
 use super::{Choice, Policy, Pose, ResolvedBudget};
 
 /// Selects settings from frontiers under a budget and applies the temporal filter.
-pub(crate) struct Controller<'a> {
+pub struct Controller<'a> {
     store: &'a dyn FrontierStore,
     budget: Budget,
     lens: (f32, f32),
@@ -26,10 +27,12 @@ pub(crate) struct Controller<'a> {
     meter: Option<Meter>,
 }
 
+/// Time from a measurement of the error meter, by its number, to the next.
+pub type MeterInterval = fn(u32) -> Duration;
+
 /// An error meter that measures a whole frame now and then, without noise.
-#[derive(Default)]
 struct Meter {
-    settings: ErrorMeter,
+    interval: MeterInterval,
     /// Since the last measurement.
     seconds: f64,
     count: u32,
@@ -38,7 +41,7 @@ struct Meter {
 impl<'a> Controller<'a> {
     /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: time constants of
     /// the filter.
-    pub(crate) fn new(
+    pub fn new(
         store: &'a dyn FrontierStore,
         budget: &ResolvedBudget,
         lens: (f32, f32),
@@ -46,7 +49,7 @@ impl<'a> Controller<'a> {
     ) -> Self {
         Self {
             store,
-            budget: Budget::new(budget.power_w, budget.error),
+            budget: budget.limits(),
             lens,
             controller: CameraController::default(),
             settings,
@@ -59,13 +62,14 @@ impl<'a> Controller<'a> {
     }
 
     /// Number of measurements of the error meter.
-    pub(crate) fn measurements(&self) -> u32 {
+    pub fn measurements(&self) -> u32 {
         self.meter.as_ref().map_or(0, |meter| meter.count)
     }
 
-    /// With the plugin's error meter as it is by default.
-    pub(crate) fn measuring(self) -> Self {
-        Self { meter: Some(Meter::default()), ..self }
+    /// With an error meter.
+    #[must_use]
+    pub fn measuring(self, interval: MeterInterval) -> Self {
+        Self { meter: Some(Meter { interval, seconds: 0.0, count: 0 }), ..self }
     }
 }
 
@@ -86,6 +90,7 @@ impl Policy for Controller<'_> {
             current: Some(self.last),
             // The meter is the map's own.
             correction: PowerCorrection::default(),
+            mean_correction: PowerCorrection::default(),
             settings: self.settings,
             errors: self.errors,
         };
@@ -104,7 +109,7 @@ impl Policy for Controller<'_> {
     fn observe(&mut self, cost: CostPoint) {
         let Some(meter) = &mut self.meter else { return };
         meter.seconds += self.dt;
-        if meter.seconds >= meter.settings.interval(meter.count).as_secs_f64()
+        if meter.seconds >= (meter.interval)(meter.count).as_secs_f64()
             && let Some(predicted) = self.predicted
         {
             (meter.seconds, meter.count) = (0.0, meter.count + 1);

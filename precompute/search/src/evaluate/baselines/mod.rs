@@ -4,23 +4,27 @@
 //! | run | information used |
 //! |---|---|
 //! | `best-constant` | this path: the best constant settings for the budget |
+//! | `mixed-constants` | this path: the two constants that take turns best |
 //! | `trained-constant` | other cameras: the best constant settings there |
-//! | `oracle` | every frame in advance: a bound, not a method |
+//! | `shared-frontier` | other cameras: one frontier for all views, under the plugin's controller |
+//! | `oracle` | every frame in advance, one exchange rate, settings held for a second: a bound |
 //! | `oracle-filtered` | the same, through the controller's temporal filter |
 //! | `reactive` | meter readings of earlier frames |
 //! | `default` | none: `FrugalGi::default()`, all other knobs at their best |
 
+mod mixed;
 mod oracle;
 mod reactive;
 
+use crate::table::CostTable;
 use frugal_core::frontier::{CostPoint, Frontier};
 use frugal_core::knobs::KnobLevels;
-use frugal_search::table::CostTable;
 
 use crate::evaluate::ResolvedBudget;
 
-pub(crate) use oracle::{Oracle, oracle};
-pub(crate) use reactive::{Reactive, ladder};
+pub use mixed::{Mixed, mixed_constants};
+pub use oracle::{Oracle, oracle};
+pub use reactive::{Reactive, ladder};
 
 /// The best settings for `budget` by their mean costs, among those known at every camera of
 /// `table`.
@@ -28,7 +32,7 @@ pub(crate) use reactive::{Reactive, ladder};
 /// Under a power budget, the least mean error within it; under an error budget alone, the least
 /// mean power within it. Where no settings meet it, the nearest. `None` for a table without a
 /// complete column.
-pub(crate) fn best_constant(
+pub fn best_constant(
     table: &CostTable,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {
@@ -42,7 +46,7 @@ pub(crate) fn best_constant(
 }
 
 /// The same among the points of `trained`: mean costs at other cameras.
-pub(crate) fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
+pub fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
     let points = trained.points().iter().map(|point| (point.settings, point.cost));
     best_of(points, budget).map(|(settings, _)| settings)
 }
@@ -92,7 +96,7 @@ mod tests {
         }
         table.set(0, KnobLevels::from_bits(9), CostPoint::new(0.1, 0.0));
         let best = |power: Option<f64>, error| {
-            let budget = ResolvedBudget { power_w: power.map(Watts), error };
+            let budget = ResolvedBudget { power_w: power.map(Watts), error, ..Default::default() };
             best_constant(&table, &budget).map(|(settings, _)| settings.bits())
         };
         assert_eq!(

@@ -6,16 +6,15 @@
 //! between the recorded ones before and after. The spot check of an
 //! [`EvaluationResult`](super::EvaluationResult) measures the difference with a rendered run.
 
+use crate::table::CostTable;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
-use frugal_search::journal::JournalError;
-use frugal_search::table::CostTable;
 
-use super::{Choice, EvaluationError, FrameRecord, PathPlan, Policy};
+use super::{Choice, FrameRecord, PathPlan, Policy};
 
 /// Costs of settings at every frame of a path.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PathRecord {
+pub struct PathRecord {
     /// The path.
     pub path: PathPlan,
     /// The knobs that settings refer to.
@@ -24,21 +23,10 @@ pub(crate) struct PathRecord {
     pub table: CostTable,
 }
 
-/// Why a path was not recorded. `E` is the frame renderer's error.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum RecordError<E> {
-    /// Rendering failed, or was interrupted. Earlier records are kept.
-    #[error(transparent)]
-    Play(#[from] EvaluationError<E>),
-    /// The record could not be written.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-}
-
 impl PathRecord {
     /// A record of `path` from a journal's lines; lines of other kinds, and incomplete runs, are
     /// left out.
-    pub(crate) fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
+    pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
         let mut table = CostTable::new(path.poses().len());
         for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
             table.set(frame, settings, cost);
@@ -55,18 +43,19 @@ impl PathRecord {
     }
 
     /// Simulates a policy's run from this record.
-    pub(crate) fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+    pub fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
         self.walk(policy, 0..self.path.poses().len())
     }
 
-    /// Simulates a policy's run along the path and back to its start: the frames of the way there
-    /// and of the way back, both in the path's order.
-    pub(crate) fn simulate_return(&self, policy: &mut dyn Policy) -> [Vec<FrameRecord>; 2] {
-        let frames = 0..self.path.poses().len();
-        let there = self.walk(policy, frames.clone());
-        let mut back = self.walk(policy, frames.rev());
-        back.reverse();
-        [there, back]
+    /// Simulates a policy's run along the path and back, again and again, until it has lasted `seconds`:
+    /// an even number of ways, at least two.
+    pub fn simulate_for(&self, policy: &mut dyn Policy, seconds: f64) -> Vec<FrameRecord> {
+        let frames = self.path.poses().len();
+        let rounds = (seconds * self.path.fps() / (2.0 * frames as f64)).ceil();
+        // Not `clamp`, which passes NaN through.
+        let rounds = if rounds.is_nan() { 1.0 } else { rounds.clamp(1.0, MAX_ROUNDS) };
+        let round = || (0..frames).chain((0..frames).rev());
+        self.walk(policy, (0..rounds as usize).flat_map(|_| round()))
     }
 
     fn walk(
@@ -76,13 +65,13 @@ impl PathRecord {
     ) -> Vec<FrameRecord> {
         let dt = self.path.fps().recip();
         let mut last = None;
-        let records = frames.map(|frame| {
+        let records = frames.enumerate().map(|(step, frame)| {
             let pose = &self.path.poses()[frame];
             let Choice { settings, target, predicted } = policy.decide(frame, dt, pose);
             let cost = self.cost(frame, settings, target, &mut last);
             policy.observe(cost);
             FrameRecord {
-                time: frame as f64 * dt,
+                time: step as f64 * dt,
                 settings,
                 power: cost.power,
                 error: cost.error,
@@ -95,7 +84,7 @@ impl PathRecord {
     /// Cost of `settings` at a frame. `last`: the last recorded settings of the run. Unrecorded
     /// settings between them and `target` are interpolated by the share of level steps completed,
     /// in the logarithms of power and error.
-    pub(super) fn cost(
+    pub fn cost(
         &self,
         frame: usize,
         settings: KnobLevels,
@@ -132,6 +121,8 @@ impl PathRecord {
     }
 }
 
+/// Most ways there and back.
+const MAX_ROUNDS: f64 = 400.0;
 /// Keeps the logarithm of an error of 0 finite.
 const LEAST: f64 = 1e-4;
 
@@ -145,66 +136,37 @@ fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
-    use frugal_search::journal::{Existing, Journal, JournalHeader};
-
     use super::*;
-    use crate::evaluate::fake::{Fake, path, space};
-    use crate::evaluate::play::{Against, play};
     use crate::evaluate::{Fixed, Pose};
+    use crate::testing::formula::{path, record_of, space};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
-        let folder = tempfile::tempdir().expect("a folder");
-        let (file, header) = (folder.path().join("journal"), JournalHeader::default());
-        let (mut journal, _) = Journal::open(&file, &header, Existing::Refuse).expect("a journal");
-        let mut record = PathRecord::restore(&path(), &space(), &[]);
-        record
-            .extend(
-                &mut [Fake::default(), Fake::default(), Fake::default()],
-                settings,
-                &mut journal,
-                &mut |_| ControlFlow::Continue(()),
-            )
-            .expect("plays");
-        record
+        record_of(path(), space(), settings)
     }
 
     #[test]
-    fn a_return_goes_on_where_the_way_there_ended() {
+    fn a_path_is_walked_there_and_back_until_the_time_is_over() {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let record = recorded(&[low, high]);
-        let mut visited = Vec::new();
-        // Low on the first half of the whole walk, then high.
         let frames = path().poses().len();
-        let mut policy = |frame: usize, _: f64, _: &Pose| {
-            visited.push(frame);
-            Choice::from(if visited.len() <= frames { low } else { high })
-        };
-        let [there, back] = record.simulate_return(&mut policy);
-        let walked: Vec<usize> = (0..frames).chain((0..frames).rev()).collect();
-        assert_eq!(visited, walked);
-        assert_eq!(there, record.simulate(&mut Fixed(low)));
-        assert_eq!(back, record.simulate(&mut Fixed(high)), "in the path's order, too");
-    }
-
-    #[test]
-    fn constants_cost_the_same_simulated_and_rendered() {
-        let (low, high) = (space().canonical(space().lowest()), space().highest());
-        let record = recorded(&[low, high, low]);
-        assert_eq!(record.table.settings(), [high, low], "once each, the references first");
-        for settings in [low, high] {
-            let mut references = Vec::new();
-            let mut renderer = Fake::default();
-            let mut run = |settings, against: Against<'_>| {
-                play(&mut renderer, &path(), "run", &mut Fixed(settings), against, &mut || {
-                    ControlFlow::Continue(())
-                })
-                .expect("plays")
+        let round: Vec<usize> = (0..frames).chain((0..frames).rev()).collect();
+        let seconds = frames as f64 / path().fps();
+        for (asked, rounds) in [(0.0, 1), (2.0 * seconds, 1), (2.1 * seconds, 2), (f64::NAN, 1)] {
+            let mut visited = Vec::new();
+            let mut policy = |frame: usize, _: f64, _: &Pose| {
+                visited.push(frame);
+                Choice::from(if visited.len() <= frames { low } else { high })
             };
-            run(high, Against::Collect(&mut references));
-            let real = run(settings, Against::Compare(&references));
-            assert_eq!(record.simulate(&mut Fixed(settings)), real);
+            let walked = record.simulate_for(&mut policy, asked);
+            assert_eq!(visited, round.repeat(rounds), "{asked} s");
+            assert_eq!(walked[..frames], record.simulate(&mut Fixed(low)));
+            let mut back = record.simulate(&mut Fixed(high));
+            back.reverse();
+            let costs = |frames: &[FrameRecord]| -> Vec<_> {
+                frames.iter().map(|frame| (frame.settings, frame.power, frame.error)).collect()
+            };
+            assert_eq!(costs(&walked[frames..2 * frames]), costs(&back));
+            assert!(walked.windows(2).all(|two| two[0].time < two[1].time));
         }
     }
 

@@ -1,0 +1,357 @@
+//! The exchange rate λ, in watts per unit of error, that spends a budget over its horizon.
+//!
+//! With a mean as the budget, the least error takes one rate for all frames: in each, the settings with
+//! the least power + λ × error (Everett 1963). The rate is the greatest at which what is expected of the
+//! coming horizon keeps the budget in every window of that length: model-predictive control (Rawlings,
+//! Mayne and Diehl 2017, "Model predictive control", chapter 1) of one number. Expected is the present
+//! view's own frontier, which gives way to the mean of the views so far within some seconds.
+//!
+//! Under an error budget the roles are reversed: the least rate at which the expected error keeps it.
+
+use crate::frontier::{CostPoint, Frontier};
+
+/// Rates of a [`Curve`]: from 10⁻² to 10⁷ watts per unit of error, eight a decade.
+const RATES: usize = 73;
+const FIRST_RATE: f64 = 1e-2;
+const PER_DECADE: f64 = 8.0;
+/// Parts of a horizon at whose ends windows are checked. More of them take longer; fewer let a window
+/// between two ends exceed the budget by more.
+const PARTS: usize = 60;
+/// What windows may exceed a power budget by, as a share. Where views come round in another rhythm than
+/// the horizon, what one window leaves is lost to the next without it.
+const TOLERANCE: f64 = 0.014;
+/// Time constant with which the present view gives way to the mean of views, seconds. Higher values spend
+/// more cautiously in dear views.
+const VIEW_SECONDS: f64 = 2.0;
+/// Rate after the settings that are chosen now, as a share of the present one: the mean at half of the
+/// rate can nearly always be had.
+const LATER: f64 = 0.5;
+/// Longest horizon, seconds: more energy than a battery holds.
+const MAX_HORIZON: f64 = 86_400.0;
+/// Longest frame that counts, seconds: a longer one is a pause.
+const MAX_FRAME: f64 = 1.0;
+/// What the frontier over all views counts for before the first view, seconds.
+const PRIOR_SECONDS: f64 = 10.0;
+/// Shortest time that settings are held, seconds: a frame of a slow app.
+const MIN_HOLD: f64 = 0.1;
+/// Shortest horizon that is one, seconds: in a shorter one every frame keeps the limits.
+pub(super) const MIN_HORIZON: f64 = 1.0;
+/// Relative change of a limit from which it is another budget. What a battery or a meter says drifts.
+const OTHER_LIMIT: f64 = 0.05;
+
+/// Power and error of the best settings at each rate of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve([CostPoint; RATES]);
+
+impl Default for Curve {
+    fn default() -> Self {
+        Self([CostPoint::new(0.0, 0.0); RATES])
+    }
+}
+
+impl Curve {
+    /// What `frontier` costs by rate, for a camera whose errors weigh `weight` times those of others.
+    /// Zeros where the frontier is empty.
+    pub fn of(frontier: &Frontier, weight: f64) -> Self {
+        let points = frontier.points();
+        let mut first = 0;
+        Self(std::array::from_fn(|number| {
+            let rate = rate_at(number as f64) * weight;
+            let sum = |at: usize| points[at].cost.power.0 + rate * points[at].cost.error;
+            // A greater rate never takes a cheaper point.
+            for at in first + 1..points.len() {
+                if sum(at) < sum(first) {
+                    first = at;
+                }
+            }
+            points.get(first).map_or(CostPoint::new(0.0, 0.0), |point| point.cost)
+        }))
+    }
+
+    /// Adds what another camera costs at the same rates.
+    pub fn add(&mut self, other: &Self) {
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            *own = CostPoint::new((own.power + other.power).0, own.error + other.error);
+        }
+    }
+
+    /// Moves a `share` of the way to `other`.
+    fn approach(&mut self, other: &Self, share: f64) {
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            let power = own.power.0 + share * (other.power.0 - own.power.0);
+            *own = CostPoint::new(power, own.error + share * (other.error - own.error));
+        }
+    }
+
+    /// The cost at a place of the grid, between whose numbers two settings take turns.
+    fn at(&self, place: f64) -> CostPoint {
+        let below = (place.max(0.0) as usize).min(RATES - 1);
+        let above = (below + 1).min(RATES - 1);
+        let (a, b, share) = (self.0[below], self.0[above], place - below as f64);
+        let between = |a: f64, b: f64| a + share * (b - a);
+        CostPoint::new(between(a.power.0, b.power.0), between(a.error, b.error))
+    }
+}
+
+fn rate_at(place: f64) -> f64 {
+    FIRST_RATE * 10_f64.powf(place / PER_DECADE)
+}
+
+/// How far a quantity is beyond its budget, now and at the ends of the horizon's parts.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Ledger {
+    /// Sum of (quantity − budget) × seconds.
+    now: f64,
+    /// The same at the ends of the last parts, the latest at `(count - 1) % PARTS`.
+    past: Vec<f64>,
+    count: usize,
+    /// Seconds since the last end.
+    since: f64,
+}
+
+impl Ledger {
+    fn clear(&mut self) {
+        (self.now, self.since, self.count) = (0.0, 0.0, 1);
+        self.past.clear();
+        self.past.resize(PARTS, 0.0);
+    }
+
+    fn add(&mut self, beyond: f64, seconds: f64, part: f64) {
+        self.now += beyond * seconds;
+        self.since += seconds;
+        // A rounding error must not delay an end by a frame.
+        while self.since >= part - 1e-9 {
+            self.since -= part;
+            self.past[self.count % PARTS] = self.now;
+            self.count += 1;
+        }
+        // The end of a part that has become shorter.
+        self.since = self.since.max(0.0);
+    }
+
+    /// Seconds from now to the ends of windows that began with the budget or later, and by how much the
+    /// quantity's sum may be beyond the budget's until then.
+    fn rooms(&self, part: f64, tolerance: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
+        (1..=PARTS).filter_map(move |ahead| {
+            let begun = (self.count - 1 + ahead).checked_sub(PARTS)?;
+            let seconds = ahead as f64 * part - self.since;
+            // What was spent beyond the budget once is not the measure of what comes.
+            let begun = self.past[begun % PARTS].min(0.0);
+            Some((seconds.max(1e-6), begun + tolerance - self.now))
+        })
+    }
+}
+
+/// A limit of a mean, and what has been spent of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Account {
+    ledger: Ledger,
+    limit: f64,
+    horizon: f64,
+}
+
+impl Account {
+    /// The most that may be spent for `hold` seconds, with `later` on average from then on, in every window.
+    fn most(&self, hold: f64, later: f64, tolerance: f64) -> f64 {
+        let part = self.horizon / PARTS as f64;
+        let tolerance = tolerance * self.limit * self.horizon;
+        let rooms = self.ledger.rooms(part, tolerance);
+        let most = rooms.map(|(seconds, room)| {
+            let held = seconds.min(hold.max(MIN_HOLD));
+            (room + self.limit * seconds - later * (seconds - held)) / held
+        });
+        most.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether a quantity of `view` now that becomes `mean` keeps every window.
+    fn keeps(&self, view: f64, mean: f64, tolerance: f64) -> bool {
+        let part = self.horizon / PARTS as f64;
+        let tolerance = tolerance * self.limit * self.horizon;
+        self.ledger.rooms(part, tolerance).all(|(seconds, room)| {
+            let share = -(-seconds / VIEW_SECONDS).exp_m1() * VIEW_SECONDS;
+            mean * seconds + (view - mean) * share - self.limit * seconds <= room
+        })
+    }
+}
+
+/// What a rate tracker says of the next second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rate {
+    /// λ, watts per unit of error: 0 takes the cheapest settings, infinity the best.
+    pub watts_per_error: f64,
+    /// The greatest power and error that may be held for the hold time; infinite where nothing limits
+    /// them.
+    pub most: CostPoint,
+    /// Whether the error's limit decides, and not the power's.
+    pub is_by_error: bool,
+}
+
+/// Steers the exchange rate of one camera, or of several with one budget. All watts are those of the
+/// frontiers.
+#[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component))]
+pub struct RateTracker {
+    power: Account,
+    error: Account,
+    /// What the views so far cost, on average over a horizon.
+    mean: Curve,
+    /// Seconds that the mean is of; 0 before the first view.
+    seen: f64,
+    /// The limits as they were given, in the watts of the app's meter.
+    given: (Option<f64>, Option<f64>, f64),
+    rate: f64,
+}
+
+impl RateTracker {
+    /// λ of the last frame, in watts per unit of error; 0 before the first.
+    pub fn watts_per_error(&self) -> f64 {
+        self.rate
+    }
+
+    /// Expects the views to cost what `overall` says, until some have been seen.
+    pub fn expect(&mut self, overall: &Frontier) {
+        if self.seen == 0.0 && !overall.is_empty() {
+            (self.mean, self.seen) = (Curve::of(overall, 1.0), PRIOR_SECONDS);
+        }
+    }
+
+    /// Whether the horizon is too short for a mean.
+    pub fn is_instant(&self) -> bool {
+        self.given.2 < MIN_HORIZON
+    }
+
+    /// Forgets what was spent, where limits are others than before: of power in the watts of the app's
+    /// meter, and of error; `horizon` in seconds. Returns whether they are.
+    pub fn begin(&mut self, power: Option<f64>, error: Option<f64>, horizon: f64) -> bool {
+        let (old_power, old_error, old_horizon) = self.given;
+        let is_other =
+            differs(power, old_power) || differs(error, old_error) || horizon != old_horizon;
+        if is_other || self.power.ledger.past.is_empty() {
+            self.given = (power, error, horizon);
+            self.power.ledger.clear();
+            self.error.ledger.clear();
+        }
+        is_other
+    }
+
+    /// Adds what the last frame of `seconds` cost: of settings that were applied. Nothing where the cost
+    /// or the limit is not finite.
+    pub fn spend(&mut self, cost: CostPoint, seconds: f64) {
+        let seconds = if seconds > 0.0 { seconds.min(MAX_FRAME) } else { return };
+        for (account, quantity) in [(&mut self.power, cost.power.0), (&mut self.error, cost.error)]
+        {
+            let beyond = quantity - account.limit;
+            if beyond.is_finite()
+                && !account.ledger.past.is_empty()
+                && account.horizon >= MIN_HORIZON
+            {
+                account.ledger.add(beyond, seconds, account.horizon / PARTS as f64);
+            }
+        }
+    }
+
+    /// The rate for the next frame, `seconds` after the last, in a view of the costs `view`, under limits
+    /// of the mean `power` and of the mean `error` in the frontiers' terms. `hold`: how long settings are
+    /// held, seconds.
+    pub fn rate(
+        &mut self,
+        view: &Curve,
+        power: Option<f64>,
+        error: Option<f64>,
+        hold: f64,
+        seconds: f64,
+    ) -> Rate {
+        let horizon = self.given.2.clamp(0.0, MAX_HORIZON);
+        let finite = |limit: Option<f64>| limit.filter(|limit| limit.is_finite());
+        for (account, limit) in [(&mut self.power, power), (&mut self.error, error)] {
+            (account.limit, account.horizon) = (finite(limit).unwrap_or(f64::INFINITY), horizon);
+        }
+        self.see(view, seconds, horizon);
+        let last = (RATES - 1) as f64;
+        let mean = &self.mean;
+        let by_power = finite(power).map(|_| {
+            greatest(|place| {
+                let (view, mean) = (view.at(place).power.0, mean.at(place).power.0);
+                self.power.keeps(view, mean, TOLERANCE)
+            })
+        });
+        let by_error = finite(error).map(|_| {
+            // The least rate: from the far end of the grid.
+            greatest(|from_end| {
+                let place = last - from_end;
+                let (view, mean) = (view.at(place).error, mean.at(place).error);
+                self.error.keeps(view, mean, 0.0)
+            })
+            .map_or(last, |from_end| last - from_end)
+        });
+        // Neither: the best settings; an infinite error limit: the cheapest.
+        let is_by_error = match (by_power, by_error) {
+            (None, None) => error.is_some(),
+            (Some(_), None) => false,
+            (None, Some(_)) => true,
+            (Some(power), Some(error)) => power.is_some_and(|power| error <= power),
+        };
+        let place = match (is_by_error, by_power) {
+            (true, _) => by_error.filter(|place| *place > 0.0),
+            (false, Some(place)) => place,
+            (false, None) => Some(last),
+        };
+        self.rate = match place {
+            None => 0.0,
+            Some(place) if place >= last => f64::INFINITY,
+            // Of two settings that take turns the one that spends more, as long as the budget can bear
+            // it: at a rate between them neither is worth a switch, and the budget stays unspent.
+            Some(place) if is_by_error => rate_at(place.floor()),
+            Some(place) => rate_at(place.ceil()),
+        };
+        let later = |share: f64| {
+            mean.at((place.unwrap_or(0.0) + PER_DECADE * share.log10()).clamp(0.0, last))
+        };
+        let most_power = finite(power).map_or(f64::INFINITY, |limit| {
+            self.power.most(hold, later(LATER).power.0.min(limit), TOLERANCE)
+        });
+        let most_error = finite(error).map_or(f64::INFINITY, |limit| {
+            self.error.most(hold, later(LATER.recip()).error.min(limit), 0.0)
+        });
+        let most = CostPoint::new(most_power, if is_by_error { most_error } else { f64::INFINITY });
+        Rate { watts_per_error: self.rate, most, is_by_error }
+    }
+
+    /// Averages what views cost over a horizon.
+    fn see(&mut self, view: &Curve, seconds: f64, horizon: f64) {
+        let seconds = if seconds > 0.0 { seconds.min(MAX_FRAME) } else { 0.0 };
+        self.seen = (self.seen + seconds).min(horizon.max(VIEW_SECONDS));
+        self.mean.approach(view, if self.seen > 0.0 { seconds / self.seen } else { 1.0 });
+    }
+}
+
+/// The greatest place of the grid that is accepted, as all below are; `None` where none is.
+fn greatest(is_accepted: impl Fn(f64) -> bool) -> Option<f64> {
+    let (mut low, mut high) = (0.0, (RATES - 1) as f64);
+    if !is_accepted(low) {
+        return None;
+    }
+    if is_accepted(high) {
+        return Some(high);
+    }
+    for _ in 0..12 {
+        let middle = 0.5 * (low + high);
+        if is_accepted(middle) { low = middle } else { high = middle }
+    }
+    Some(low)
+}
+
+fn differs(now: Option<f64>, then: Option<f64>) -> bool {
+    match (now, then) {
+        (Some(now), Some(then)) => {
+            // Equal infinities do not differ, and NaN, for which nothing is near, does.
+            let is_near = (now - then).abs() <= OTHER_LIMIT * then.abs();
+            now != then && !is_near
+        }
+        (now, then) => now.is_some() != then.is_some(),
+    }
+}
+
+#[cfg(test)]
+#[path = "rate_tests.rs"]
+mod tests;

@@ -1,0 +1,178 @@
+//! Records as data: what a policy is tried on without the scene, in a small file.
+
+use frugal_core::frontier::CostPoint;
+use frugal_core::knobs::{KnobLevels, KnobSpace};
+use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+use super::{PathPlan, PathRecord, Pose};
+use crate::table::CostTable;
+
+/// How a record was made.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Made {
+    /// The machine.
+    pub machine: String,
+    /// The graphics driver.
+    pub driver: String,
+    /// The day, as year-month-day.
+    pub date: String,
+    /// The command lines.
+    pub command: Vec<String>,
+}
+
+/// A [`PathRecord`] as JSON. Its settings are in the terms of a map's knobs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RecordFile {
+    /// How it was made.
+    pub made: Made,
+    /// The scene's name.
+    pub scene: String,
+    /// The path's name.
+    pub path: String,
+    /// Frames per second.
+    pub fps: f64,
+    /// Width and height of the images, pixels.
+    pub size: [u32; 2],
+    /// Vertical field of view in radians, and width ÷ height.
+    pub lens: [f32; 2],
+    /// Position, metres, and rotation as a quaternion (x, y, z, w) of every frame's camera.
+    pub poses: Vec<[f32; 7]>,
+    /// Packed settings, as hexadecimal numbers.
+    pub settings: Vec<String>,
+    /// Milliwatts by settings and frame; one number where all frames have the same.
+    pub milliwatts: Vec<Vec<u32>>,
+    /// 1 − SSIM by settings and frame, in millionths; one number where all frames have the same.
+    pub error_millionths: Vec<Vec<u32>>,
+}
+
+impl RecordFile {
+    /// The record in the terms of `space`.
+    ///
+    /// # Errors
+    /// In a sentence, for a file that contradicts itself.
+    pub fn record(&self, space: &KnobSpace) -> Result<PathRecord, String> {
+        let of_file =
+            |what: String| format!("the record of {} in {}: {what}", self.path, self.scene);
+        let frames = self.poses.len();
+        let counts = [self.settings.len(), self.milliwatts.len(), self.error_millionths.len()];
+        if frames == 0 || counts.iter().any(|count| *count != counts[0]) {
+            return Err(of_file(format!("{frames} frames, and columns of {counts:?} settings")));
+        }
+        let pose = |[x, y, z, a, b, c, d]: [f32; 7]| Pose {
+            position: Vec3::new(x, y, z),
+            rotation: Quat::from_xyzw(a, b, c, d),
+        };
+        let poses: Vec<Pose> = self.poses.iter().copied().map(pose).collect();
+        let at = |time: f64| poses[((time * self.fps).round() as usize).min(frames - 1)];
+        let path = PathPlan::sample(&self.path, frames as f64 / self.fps, self.fps, at)
+            .map_err(of_file)?;
+        let mut table = CostTable::new(frames);
+        let columns = self.milliwatts.iter().zip(&self.error_millionths);
+        for (settings, (powers, errors)) in self.settings.iter().zip(columns) {
+            let bits = u128::from_str_radix(settings, 16)
+                .map_err(|error| of_file(format!("settings `{settings}`: {error}")))?;
+            let number = |column: &[u32], frame: usize| match column {
+                [one] => Some(*one),
+                all => all.get(frame).copied().filter(|_| all.len() == frames),
+            };
+            for frame in 0..frames {
+                let cost = number(powers, frame).zip(number(errors, frame));
+                let Some((power, error)) = cost else {
+                    return Err(of_file(format!("settings `{settings}` lack frame {frame}")));
+                };
+                let cost = CostPoint::new(f64::from(power) * 1e-3, f64::from(error) * 1e-6);
+                table.set(frame, KnobLevels::from_bits(bits), cost);
+            }
+        }
+        Ok(PathRecord { path, space: space.clone(), table })
+    }
+
+    /// The file of `record`, of a scene at a size through a lens. Settings that are not known in every
+    /// frame are left out.
+    pub fn of(
+        record: &PathRecord,
+        made: Made,
+        scene: &str,
+        size: [u32; 2],
+        lens: (f32, f32),
+    ) -> Self {
+        let (path, table) = (&record.path, &record.table);
+        let round = |value: f32| (value * 1e4).round() / 1e4;
+        let pose = |pose: &Pose| {
+            let ([x, y, z], [a, b, c, d]) = (pose.position.to_array(), pose.rotation.to_array());
+            [x, y, z, a, b, c, d].map(round)
+        };
+        let complete: Vec<usize> =
+            (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+        let column = |value: &dyn Fn(CostPoint) -> f64| -> Vec<Vec<u32>> {
+            let of = |column: &usize| {
+                let mut numbers: Vec<u32> =
+                    table.known(*column).map(|(_, cost)| value(cost).round() as u32).collect();
+                if numbers.windows(2).all(|two| two[0] == two[1]) {
+                    numbers.truncate(1);
+                }
+                numbers
+            };
+            complete.iter().map(of).collect()
+        };
+        Self {
+            made,
+            scene: scene.to_owned(),
+            path: path.name().to_owned(),
+            fps: path.fps(),
+            size,
+            lens: [lens.0, lens.1],
+            poses: path.poses().iter().map(pose).collect(),
+            settings: complete
+                .iter()
+                .map(|column| format!("{:x}", table.settings()[*column].bits()))
+                .collect(),
+            milliwatts: column(&|cost| cost.power.0 * 1e3),
+            error_millionths: column(&|cost| cost.error * 1e6),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::formula::{path, record_of, space};
+
+    #[test]
+    fn a_record_is_read_back_to_the_last_milliwatt() {
+        let record = record_of(path(), space(), &space().iter().collect::<Vec<_>>());
+        let file = RecordFile::of(&record, Made::default(), "court", [16, 12], (1.0, 1.5));
+        let text = serde_json::to_string(&file).expect("JSON");
+        let file: RecordFile = serde_json::from_str(&text).expect("the same");
+        let read = file.record(&space()).expect("a record");
+        assert_eq!(read.table.settings(), record.table.settings());
+        assert_eq!((read.path.fps(), read.path.poses().len()), (5.0, 10));
+        for (row, pose) in record.path.poses().iter().enumerate() {
+            assert!(read.path.poses()[row].position.distance(pose.position) < 1e-3);
+            for column in 0..record.table.settings().len() {
+                let [a, b] = [&read, &record].map(|it| it.table.at(row, column).expect("a cost"));
+                assert!((a.power.0 - b.power.0).abs() < 6e-4 && (a.error - b.error).abs() < 6e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_that_contradicts_itself_is_refused() {
+        let record = record_of(path(), space(), &[space().lowest()]);
+        let file = || RecordFile::of(&record, Made::default(), "court", [16, 12], (1.0, 1.5));
+        let faults: [(fn(&mut RecordFile), &str); 5] = [
+            (|file| file.poses.clear(), "0 frames"),
+            (|file| file.settings.truncate(1), "columns of [1, 2, 2]"),
+            (|file| file.settings[0] = "words".into(), "settings `words`"),
+            (|file| file.milliwatts[0] = vec![1, 2], "lack frame 0"),
+            (|file| file.fps = f64::NAN, "frame rate"),
+        ];
+        for (fault, words) in faults {
+            let mut faulty = file();
+            fault(&mut faulty);
+            let refused = faulty.record(&space()).expect_err(words);
+            assert!(refused.contains(words), "{refused}");
+        }
+    }
+}
