@@ -83,7 +83,7 @@ fn learned(scene: &ReferenceScene, settings: &Settings) -> Option<Field> {
 fn guided_paths_have_the_unguided_mean() {
     let lamp = || {
         let lamp = geometry(emissive(3000.0), |b| {
-            b.cuboid(Vec3::new(0.5, 2.0, 3.0), Vec3::new(0.7, 2.1, 3.2))
+            b.cuboid(Vec3::new(0.5, 2.0, 3.0), Vec3::new(0.7, 2.1, 3.2));
         });
         let walls =
             geometry(diffuse(), |b| b.tint([0.7; 3]).room(Vec3::ZERO, Vec3::new(4.0, 2.5, 4.0)));
