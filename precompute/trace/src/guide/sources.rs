@@ -18,11 +18,13 @@ const LEAST_HEIGHT: f64 = 1.5e-6;
 /// Greatest depth of splits.
 const GREATEST_DEPTH: u32 = 40;
 /// Spheres with a smaller share of the samples are left out.
-const LEAST_SHARE: f64 = 0.005;
+const LEAST_SHARE: f64 = 0.01;
+/// Least share of guided samples that is worth its time.
+const LEAST_GUIDED: f64 = 0.05;
 /// Greatest share of guided samples, so that a wrong guide costs a bounded factor.
 const GREATEST_SHARE: f64 = 0.8;
 /// Standard errors by which a sphere must be brighter than what BSDF sampling expects.
-const MARGIN: f64 = 2.0;
+const MARGIN: f64 = 3.0;
 
 /// Light that arrived at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,7 +96,7 @@ impl Sources {
         if share > GREATEST_SHARE {
             spheres.iter_mut().for_each(|sphere| sphere.share *= (GREATEST_SHARE / share) as f32);
         }
-        (!spheres.is_empty()).then_some(Self { spheres })
+        (share >= LEAST_GUIDED).then_some(Self { spheres })
     }
 
     /// The spheres as seen from `position`, metres; those around it are left out.

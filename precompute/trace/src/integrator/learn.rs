@@ -14,13 +14,13 @@ use crate::guide::{Field, Photon};
 use crate::sampler::Sampler;
 
 /// Photons per path of the image, and limits to their number: memory, and what is worth a pass.
-const PHOTONS_PER_PATH: f64 = 0.1;
+const PHOTONS_PER_PATH: f64 = 0.06;
 const FEWEST_PHOTONS: f64 = 16_384.0;
 const MOST_PHOTONS: f64 = 4_194_304.0;
 /// Photons that are traced one after the other.
 const CHAIN: u32 = 1024;
 /// About how many paths find out which places the image depends on.
-const SCOUTS: u32 = 1 << 15;
+const SCOUTS: u32 = 1 << 13;
 /// Surfaces along a scout's path.
 const SCOUTED_SURFACES: u32 = 4;
 /// A place is a voxel; so many fit into the scene's diagonal.
