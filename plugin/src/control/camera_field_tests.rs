@@ -254,7 +254,7 @@ fn resize(app: &mut App, camera: Entity, width: u32, height: u32) {
 fn idle_minimised_and_reactive_apps_teach_nothing() {
     for (name, delta) in [("minimised", 1.0 / 60.0), ("reactive", 5.0), ("reactive", 1.0)] {
         let limit = 9.0;
-        let (mut app, camera) = steps(Budget::power(Watts(limit)));
+        let (mut app, camera) = steps(Budget::default().with_peak(Watts(limit)));
         app.world_mut().entity_mut(camera).insert(Camera::default());
         let [width, height] = testing::steps().capture.size;
         resize(&mut app, camera, width, height);
@@ -277,9 +277,9 @@ fn idle_minimised_and_reactive_apps_teach_nothing() {
 }
 
 #[test]
-fn without_a_limit_of_the_frame_rate_a_power_budget_holds_in_watts() {
+fn without_a_limit_of_the_frame_rate_a_peak_holds_in_watts() {
     for (limit, expected) in [(70.0, 14.0), (50.0, 4.0)] {
-        let (mut app, camera) = steps(Budget::power(Watts(limit)));
+        let (mut app, camera) = steps(Budget::default().with_peak(Watts(limit)));
         let (mut passed, mut since, mut changes, mut target) = (0.0, 0.0, 0, None);
         while passed < 40.0 {
             app.update();

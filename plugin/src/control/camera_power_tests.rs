@@ -97,8 +97,8 @@ fn a_frame_rate_below_the_maps_leaves_room_for_better_settings() {
 }
 
 #[test]
-fn a_budget_is_held_on_a_device_that_is_hungrier_than_the_maps() {
-    let (mut app, camera, map) = scene(Budget::power(Watts(10.0)));
+fn a_peak_is_held_on_a_device_that_is_hungrier_than_the_maps() {
+    let (mut app, camera, map) = scene(Budget::default().with_peak(Watts(10.0)));
     rate(&mut app, &map, 1.0);
     run(&mut app, 3);
     let feedback = |app: &App| *app.world().resource::<PowerFeedback>();
