@@ -25,19 +25,19 @@ pub struct Gather {
 impl Gather {
     /// Compiles it with `rays` rays per pixel; 0 for none.
     pub fn new(stage: &mut Stage, rays: u32) -> Self {
+        let read = || storage_buffer_read_only_sized(false, None);
         let pixels = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
             (
                 texture_2d(TextureSampleType::Uint),
                 texture_depth_2d(),
                 uniform_buffer_sized(false, None),
+                read(),
                 uniform_buffer_sized(false, None),
-                uniform_buffer_sized(false, None),
-                storage_buffer_read_only_sized(false, None),
+                read(),
                 texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
             ),
         );
-        let read = || storage_buffer_read_only_sized(false, None);
         let occluders = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
             (read(), read(), read(), read()),

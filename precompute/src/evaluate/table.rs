@@ -175,9 +175,9 @@ mod tests {
             lines[4..11].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
             [8; 7]
         );
-        assert!(lines[4].starts_with("frugal             1."), "{text}");
+        assert!(lines[4].starts_with("frugal             1.342 "), "{text}");
         assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");
-        assert!(text.contains("simulated from the record: 1.2"), "{text}");
+        assert!(text.contains("simulated from the record: 1.342 W"), "{text}");
         assert!(lines.iter().all(|line| line.trim_end() == *line));
     }
 

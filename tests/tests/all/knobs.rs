@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bevy::anti_alias::fxaa::Fxaa;
 use bevy::anti_alias::smaa::{Smaa, SmaaPreset};
 use bevy::asset::Assets;
+use bevy::color::Srgba;
 use bevy::ecs::query::With;
 use bevy::image::Image;
 use bevy::light::{
@@ -62,8 +63,14 @@ fn add_mip_levels(stage: &mut Stage) {
         let mut data = level.clone();
         let mut levels = 1;
         while width > 1 && height > 1 {
+            // Light is averaged, not its encoding; alpha has none.
             let texel = |x: usize, y: usize, channel: usize| {
-                u32::from(level[(y * width + x) * 4 + channel])
+                let value = f32::from(level[(y * width + x) * 4 + channel]) / 255.0;
+                if channel == 3 { value } else { Srgba::gamma_function(value) }
+            };
+            let encoded = |mean: f32, channel: usize| {
+                let value = if channel == 3 { mean } else { Srgba::gamma_function_inverse(mean) };
+                (value * 255.0).round() as u8
             };
             let (half_width, half_height) = (width / 2, height / 2);
             let mut next = Vec::with_capacity(half_width * half_height * 4);
@@ -74,7 +81,7 @@ fn add_mip_levels(stage: &mut Stage) {
                         + texel(x + 1, y, channel)
                         + texel(x, y + 1, channel)
                         + texel(x + 1, y + 1, channel);
-                    next.push((sum / 4) as u8);
+                    next.push(encoded(sum / 4.0, channel));
                 }
             }
             (level, width, height, levels) = (next, half_width, half_height, levels + 1);

@@ -72,6 +72,12 @@ pub(super) fn lights(world: &mut World, layers: &RenderLayers, gaps: &mut Gaps) 
     for entity in areas.iter(world) {
         gaps.add("rectangular lights are left out", name(world, entity));
     }
+    // Queries go by archetype, which says nothing. The sort is stable.
+    lights.sort_by_key(|light| match light {
+        Light::Directional { .. } => 0,
+        Light::Point { .. } => 1,
+        Light::Spot { .. } => 2,
+    });
     lights
 }
 

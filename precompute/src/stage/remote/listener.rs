@@ -27,8 +27,11 @@ pub(super) struct Listener {
 #[cfg(unix)]
 impl Listener {
     pub(super) fn new() -> io::Result<Self> {
-        // Its mode is 0700.
-        let folder = tempfile::Builder::new().prefix("frugal-").tempdir()?;
+        use std::os::unix::fs::PermissionsExt as _;
+
+        let user_alone = std::fs::Permissions::from_mode(0o700);
+        let folder =
+            tempfile::Builder::new().prefix("frugal-").permissions(user_alone).tempdir()?;
         let address = folder.path().join("stage");
         let listener = std::os::unix::net::UnixListener::bind(&address)?;
         listener.set_nonblocking(true)?;
