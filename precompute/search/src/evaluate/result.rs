@@ -72,7 +72,7 @@ pub struct SpotCheck {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum`, `resolution-only` or the name of
-    /// another [baseline](super::baselines).
+    /// another baseline.
     pub name: String,
     /// Mean over the frames.
     pub mean_power_w: Watts,
