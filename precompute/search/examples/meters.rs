@@ -10,7 +10,7 @@ use frugal_core::control::{
 use frugal_core::frontier::{CameraView, CostPoint, FrontierMap};
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
-use frugal_search::evaluate::{Choice, Policy, Pose, RecordFile};
+use frugal_search::evaluate::{Choice, Policy, Pose, read_records};
 
 /// Metered watts of the device for each watt of the map.
 const HUNGRIER: f64 = 1.4;
@@ -83,23 +83,12 @@ impl Policy for Metered<'_> {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/data/records");
     let folder = std::env::args().nth(1).unwrap_or_else(|| default.to_owned());
-    let mut files: Vec<_> = std::fs::read_dir(&folder)?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<std::io::Result<_>>()?;
-    files.retain(|file| file.to_string_lossy().ends_with(".record.json"));
-    files.sort();
     println!(
         "of the power budget used, and windows of 30 s over by 2 %, after a minute; device of {HUNGRIER} W a watt of the map"
     );
-    for file in files {
-        let file: RecordFile = serde_json::from_str(&std::fs::read_to_string(&file)?)?;
-        let map = Path::new(&folder).join(format!("{}.pareto.ron", file.scene));
-        let map = FrontierMap::from_ron(&std::fs::read_to_string(map)?)?;
+    for (file, map) in read_records(Path::new(&folder))? {
         let record = file.record(&map.knobs)?;
-        let means = (0..record.table.settings().len())
-            .filter_map(|column| record.table.mean(column, 0..record.table.rows()))
-            .map(|cost| cost.power.0);
-        let (low, high) = means.fold((f64::MAX, 0.0_f64), |(l, h), p| (l.min(p), h.max(p)));
+        let [Watts(low), Watts(high)] = record.power_range();
         for (name, late, lost_at) in [
             ("on time", 0.0, f64::MAX),
             ("30 s late", 30.0, f64::MAX),

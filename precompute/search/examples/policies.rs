@@ -7,6 +7,7 @@ use frugal_core::control::ControlSettings;
 use frugal_core::frontier::FrontierMap;
 use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PowerBudget, RecordFile, RunResult, Trial,
+    read_records,
 };
 
 const SHARES: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
@@ -15,15 +16,7 @@ const ERRORS: [f64; 5] = [0.006, 0.01, 0.018, 0.03, 0.05];
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/data/records");
     let folder = std::env::args().nth(1).unwrap_or_else(|| default.to_owned());
-    let mut files: Vec<_> = std::fs::read_dir(&folder)?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<std::io::Result<_>>()?;
-    files.retain(|file| file.to_string_lossy().ends_with(".record.json"));
-    files.sort();
-    for file in files {
-        let record: RecordFile = serde_json::from_str(&std::fs::read_to_string(&file)?)?;
-        let map = Path::new(&folder).join(format!("{}.pareto.ron", record.scene));
-        let map = FrontierMap::from_ron(&std::fs::read_to_string(map)?)?;
+    for (record, map) in read_records(Path::new(&folder))? {
         print(&record, &map)?;
     }
     Ok(())

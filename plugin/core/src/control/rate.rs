@@ -8,6 +8,8 @@
 //!
 //! Under an error budget the roles are reversed: the least rate at which the expected error keeps it.
 
+use std::sync::LazyLock;
+
 use crate::frontier::{CostPoint, Frontier};
 
 /// Rates of a [`Curve`]: from 10⁻² to 10⁷ watts per unit of error, eight a decade.
@@ -56,7 +58,7 @@ impl Curve {
         let points = frontier.points();
         let mut first = 0;
         Self(std::array::from_fn(|number| {
-            let rate = rate_at(number as f64) * weight;
+            let rate = GRID[number] * weight;
             let sum = |at: usize| points[at].cost.power.0 + rate * points[at].cost.error;
             // A greater rate never takes a cheaper point.
             for at in first + 1..points.len() {
@@ -93,8 +95,18 @@ impl Curve {
     }
 }
 
-fn rate_at(place: f64) -> f64 {
-    FIRST_RATE * 10_f64.powf(place / PER_DECADE)
+/// The rates of a [`Curve`], watts per unit of error.
+static GRID: LazyLock<[f64; RATES]> = LazyLock::new(|| {
+    std::array::from_fn(|number| FIRST_RATE * 10_f64.powf(number as f64 / PER_DECADE))
+});
+
+/// A window of the horizon that ends later.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Window {
+    /// Seconds until it ends.
+    seconds: f64,
+    /// By how much the quantity's sum may be beyond the budget's until then.
+    room: f64,
 }
 
 /// How far a quantity is beyond its budget, now and at the ends of the horizon's parts.
@@ -129,15 +141,14 @@ impl Ledger {
         self.since = self.since.max(0.0);
     }
 
-    /// Seconds from now to the ends of windows that began with the budget or later, and by how much the
-    /// quantity's sum may be beyond the budget's until then.
-    fn rooms(&self, part: f64, tolerance: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
+    /// The windows that began with the budget or later.
+    fn windows(&self, part: f64, tolerance: f64) -> impl Iterator<Item = Window> + '_ {
         (1..=PARTS).filter_map(move |ahead| {
             let begun = (self.count - 1 + ahead).checked_sub(PARTS)?;
             let seconds = ahead as f64 * part - self.since;
             // What was spent beyond the budget once is not the measure of what comes.
             let begun = self.past[begun % PARTS].min(0.0);
-            Some((seconds.max(1e-6), begun + tolerance - self.now))
+            Some(Window { seconds: seconds.max(1e-6), room: begun + tolerance - self.now })
         })
     }
 }
@@ -151,26 +162,35 @@ struct Account {
 }
 
 impl Account {
+    /// The windows of the horizon, in which a share of the limit may be exceeded.
+    fn windows(&self, tolerance: f64) -> impl Iterator<Item = Window> + '_ {
+        let part = self.horizon / PARTS as f64;
+        self.ledger.windows(part, tolerance * self.limit * self.horizon)
+    }
+
     /// The most that may be spent for `hold` seconds, with `later` on average from then on, in every window.
     fn most(&self, hold: f64, later: f64, tolerance: f64) -> f64 {
-        let part = self.horizon / PARTS as f64;
-        let tolerance = tolerance * self.limit * self.horizon;
-        let rooms = self.ledger.rooms(part, tolerance);
-        let most = rooms.map(|(seconds, room)| {
+        let most = self.windows(tolerance).map(|Window { seconds, room }| {
             let held = seconds.min(hold.max(MIN_HOLD));
             (room + self.limit * seconds - later * (seconds - held)) / held
         });
         most.fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a quantity of `view` now that becomes `mean` keeps every window.
-    fn keeps(&self, view: f64, mean: f64, tolerance: f64) -> bool {
-        let part = self.horizon / PARTS as f64;
-        let tolerance = tolerance * self.limit * self.horizon;
-        self.ledger.rooms(part, tolerance).all(|(seconds, room)| {
-            let share = -(-seconds / VIEW_SECONDS).exp_m1() * VIEW_SECONDS;
-            mean * seconds + (view - mean) * share - self.limit * seconds <= room
-        })
+    /// Whether a quantity of one number now that becomes another keeps every window. Made once for all
+    /// rates that are tried.
+    fn keeps(&self, tolerance: f64) -> impl Fn(f64, f64) -> bool {
+        let (mut windows, mut count) = ([(Window::default(), 0.0); PARTS], 0);
+        for window in self.windows(tolerance) {
+            let share = -(-window.seconds / VIEW_SECONDS).exp_m1() * VIEW_SECONDS;
+            (windows[count], count) = ((window, share), count + 1);
+        }
+        let limit = self.limit;
+        move |view, mean| {
+            windows[..count].iter().all(|(Window { seconds, room }, share)| {
+                mean * seconds + (view - mean) * share - limit * seconds <= *room
+            })
+        }
     }
 }
 
@@ -270,17 +290,15 @@ impl RateTracker {
         let last = (RATES - 1) as f64;
         let mean = &self.mean;
         let by_power = finite(power).map(|_| {
-            greatest(|place| {
-                let (view, mean) = (view.at(place).power.0, mean.at(place).power.0);
-                self.power.keeps(view, mean, TOLERANCE)
-            })
+            let keeps = self.power.keeps(TOLERANCE);
+            greatest(|place| keeps(view.at(place).power.0, mean.at(place).power.0))
         });
         let by_error = finite(error).map(|_| {
+            let keeps = self.error.keeps(0.0);
             // The least rate: from the far end of the grid.
             greatest(|from_end| {
                 let place = last - from_end;
-                let (view, mean) = (view.at(place).error, mean.at(place).error);
-                self.error.keeps(view, mean, 0.0)
+                keeps(view.at(place).error, mean.at(place).error)
             })
             .map_or(last, |from_end| last - from_end)
         });
@@ -301,8 +319,8 @@ impl RateTracker {
             Some(place) if place >= last => f64::INFINITY,
             // Of two settings that take turns the one that spends more, as long as the budget can bear
             // it: at a rate between them neither is worth a switch, and the budget stays unspent.
-            Some(place) if is_by_error => rate_at(place.floor()),
-            Some(place) => rate_at(place.ceil()),
+            Some(place) if is_by_error => GRID[place.floor() as usize],
+            Some(place) => GRID[place.ceil() as usize],
         };
         let later = |share: f64| {
             mean.at((place.unwrap_or(0.0) + PER_DECADE * share.log10()).clamp(0.0, last))

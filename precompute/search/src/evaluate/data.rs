@@ -1,6 +1,8 @@
 //! Records as data: what a policy is tried on without the scene, in a small file.
 
-use frugal_core::frontier::CostPoint;
+use std::path::Path;
+
+use frugal_core::frontier::{CostPoint, FrontierMap};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -132,6 +134,27 @@ impl RecordFile {
             error_millionths: column(&|cost| cost.error * 1e6),
         }
     }
+}
+
+/// The records in a folder, each with its scene's map, in the order of their names.
+///
+/// # Errors
+/// When a file cannot be read, or is no record or map.
+pub fn read_records(
+    folder: &Path,
+) -> Result<Vec<(RecordFile, FrontierMap)>, Box<dyn std::error::Error>> {
+    let mut files: Vec<_> = std::fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<_>>()?;
+    files.retain(|file| file.to_string_lossy().ends_with(".record.json"));
+    files.sort();
+    let read = |file: &std::path::PathBuf| {
+        let record: RecordFile = serde_json::from_str(&std::fs::read_to_string(file)?)?;
+        let map = folder.join(format!("{}.pareto.ron", record.scene));
+        let map = FrontierMap::from_ron(&std::fs::read_to_string(map)?)?;
+        Ok((record, map))
+    };
+    files.iter().map(read).collect()
 }
 
 #[cfg(test)]

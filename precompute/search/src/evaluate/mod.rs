@@ -27,7 +27,7 @@ pub use baselines::{
 };
 pub use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub use controlled::{Controller, MeterInterval};
-pub use data::{Made, RecordFile};
+pub use data::{Made, RecordFile, read_records};
 pub use judge::{Baselines, Trial, settings_to_record};
 pub use policy::{Choice, Fixed, FrameRecord, PathPlan, Policy, Pose};
 pub use record::PathRecord;

@@ -20,9 +20,9 @@ const MOST_PHOTONS: f64 = 4_194_304.0;
 /// Photons that are traced one after the other.
 const CHAIN: u32 = 1024;
 /// About how many paths find out which places the image depends on.
-const SCOUTS: u32 = 1 << 13;
-/// Surfaces along a scout's path.
-const SCOUTED_SURFACES: u32 = 4;
+const PILOT_PATHS: u32 = 1 << 13;
+/// Surfaces along a pilot path.
+const PILOT_SURFACES: u32 = 4;
 /// A place is a voxel; so many fit into the scene's diagonal.
 const VOXELS: f32 = 64.0;
 /// Random numbers that are not those of the image.
@@ -145,18 +145,18 @@ impl Places {
         let bounds = scene.geometry.bounds();
         let diagonal = bounds.map_or(0.0, |bounds| (bounds.max - bounds.min).length());
         let mut places = Self { voxels: HashSet::new(), voxel: diagonal / VOXELS };
-        let scouted: Vec<Vec<(Vec3, Vec3)>> = (0..SCOUTS / 256)
+        let pilots: Vec<Vec<(Vec3, Vec3)>> = (0..PILOT_PATHS / 256)
             .into_par_iter()
             .map(|chunk| {
                 let mut surfaces = Vec::new();
                 for path in 0..256 {
                     let sampler = &mut Sampler::new(settings.seed, u64::from(chunk), path);
-                    scout(scene, view, settings, sampler, &mut surfaces);
+                    follow_pilot(scene, view, settings, sampler, &mut surfaces);
                 }
                 surfaces
             })
             .collect();
-        for (position, normal) in scouted.into_iter().flatten() {
+        for (position, normal) in pilots.into_iter().flatten() {
             places.voxels.insert(places.voxel(position, normal));
         }
         places
@@ -174,7 +174,7 @@ impl Places {
 }
 
 /// Follows a path from anywhere in the image, and adds positions and normals of its surfaces.
-fn scout(
+fn follow_pilot(
     scene: &ReferenceScene,
     view: &View,
     settings: &Settings,
@@ -184,7 +184,7 @@ fn scout(
     let [x, y] = sampler.pair();
     let size = view.size.as_dvec2();
     let (mut origin, mut direction) = view.ray(x * size.x, y * size.y);
-    for _ in 0..SCOUTED_SURFACES {
+    for _ in 0..PILOT_SURFACES {
         let Some(hit) = scene.closest(origin, direction) else { return };
         let surface = Surface::new(&scene.geometry, &hit);
         surfaces.push((surface.position.as_vec3(), surface.geometric_normal.as_vec3()));
