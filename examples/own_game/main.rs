@@ -71,14 +71,14 @@ fn set_up(
     mut materials: ResMut<Assets<StandardMaterial>>,
     mut striped: ResMut<Assets<Striped>>,
 ) {
-    let matt = |color: Color| StandardMaterial {
+    let diffuse = |color: Color| StandardMaterial {
         base_color: color,
         perceptual_roughness: 1.0,
         reflectance: 0.0,
         ..default()
     };
-    let stone = materials.add(matt(Color::srgb(0.7, 0.68, 0.64)));
-    let brick = materials.add(matt(Color::srgb(0.7, 0.25, 0.15)));
+    let stone = materials.add(diffuse(Color::srgb(0.7, 0.68, 0.64)));
+    let brick = materials.add(diffuse(Color::srgb(0.7, 0.25, 0.15)));
     let mut block = |size: Vec3, centre: Vec3, material: &Handle<StandardMaterial>| {
         let cuboid = Mesh3d(meshes.add(Cuboid::from_size(size)));
         let place = Transform::from_translation(centre);
@@ -99,7 +99,7 @@ fn set_up(
     let pillar = Mesh3d(meshes.add(Cylinder::new(0.3, 4.0)));
     let stripes = Stripes { stripes: vec4(0.05, 0.15, 0.5, 3.0) };
     let paint =
-        striped.add(Striped { base: matt(Color::srgb(0.8, 0.8, 0.75)), extension: stripes });
+        striped.add(Striped { base: diffuse(Color::srgb(0.8, 0.8, 0.75)), extension: stripes });
     for z in [-4.0, 0.0, 4.0] {
         let place = Transform::from_xyz(-1.2, 2.0, z);
         commands.spawn((pillar.clone(), MeshMaterial3d(paint.clone()), place));

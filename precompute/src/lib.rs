@@ -19,4 +19,4 @@ mod work_meter;
 
 // For the benchmarks. Not part of the interface.
 #[doc(hidden)]
-pub use evaluate::{ReactiveLadder, RecordedPath};
+pub use evaluate::read_record;

@@ -23,9 +23,12 @@ use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::power::{MeterInfo, MeterState, MeteredPower, Provenance};
 use bevy_frugal_gi::units::Watts;
-use frugal::RecordedPath;
-use frugal::scene;
+use frugal::{read_record, scene};
+use frugal_core::frontier::CostPoint;
 use frugal_core::testing::{SimulatedDevice, SimulatedMeter};
+use frugal_search::evaluate::{
+    PathRecord, Policy, Reactive, ResolvedBudget, best_constant, ladder,
+};
 use frugal_tests::table::markdown;
 
 /// Seconds of a run, and those at its start that do not count.
@@ -41,7 +44,7 @@ const TOLERANCE: f64 = 0.02;
 struct Level {
     name: String,
     map: FrontierMap,
-    path: RecordedPath,
+    record: PathRecord,
 }
 
 /// Who selects the settings.
@@ -144,8 +147,8 @@ impl<'a> Simulated<'a> {
 
     /// One frame of the controller, with the view of frame `at` of the path.
     fn update(&mut self, at: usize, seconds: f64) -> (KnobLevels, KnobLevels) {
-        let (position, rotation) = self.level.path.pose(at);
-        let place = Transform::from_translation(position).with_rotation(rotation);
+        let pose = &self.level.record.path.poses()[at];
+        let place = Transform::from_translation(pose.position).with_rotation(pose.rotation);
         self.app.world_mut().entity_mut(self.camera).insert(GlobalTransform::from(place));
         let step = TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(seconds));
         self.app.insert_resource(step);
@@ -162,13 +165,16 @@ fn run(level: &Level, method: Method, limit: Watts, machine: &Machine, seconds: 
     let rate = level.map.capture.frames_per_second;
     let mut device = SimulatedDevice { gain: machine.gain, ..Default::default() };
     let mut meter = SimulatedMeter::new(INTERVAL).with_noise(NOISE);
-    let mut reactive = level.path.reactive(&level.map, limit);
-    let constant = level.path.best_constant(limit).unwrap_or_default();
+    let (record, poses) = (&level.record, level.record.path.poses());
+    let budget = ResolvedBudget { power_w: Some(limit), ..Default::default() };
+    let mut reactive = Reactive::new(ladder(&level.map.shared), budget);
+    let constant =
+        best_constant(&record.table, &budget).map_or_else(KnobLevels::default, |it| it.0);
     let (mut last, mut shown, mut frames) = (None, (constant, constant), Vec::new());
     // The governor's clock, and the mean power that it sees.
     let (mut clock, mut seen) = (1.0_f64, 0.0_f64);
     let (mut time, mut metered, mut is_late) = (0.0, limit, false);
-    let period = 2 * level.path.frames();
+    let period = 2 * poses.len();
     while time < seconds {
         let half = time >= 0.5 * seconds;
         if half && !is_late {
@@ -176,14 +182,14 @@ fn run(level: &Level, method: Method, limit: Watts, machine: &Machine, seconds: 
             device.gain = machine.gain * machine.gain_later;
         }
         let step = (time * rate) as usize;
-        let step = if machine.cuts && half { step + level.path.frames() / 2 } else { step };
+        let step = if machine.cuts && half { step + poses.len() / 2 } else { step };
         let along = step % period;
         let at = along.min(period - 1 - along);
         let is_plugged = machine.is_plugged && (0.25..0.5).contains(&(time / seconds));
         app.set_budget((!is_plugged).then_some(limit));
         // Settings take effect in the next frame.
         let (settings, target) = shown;
-        let cost = level.path.cost(at, settings, target, &mut last);
+        let cost = record.cost(at, settings, target, &mut last);
         // The best settings fit the map's rate at full clock.
         let later = if half { machine.clock_later } else { 1.0 };
         let share = machine.limiter.unwrap_or(1.0).min(clock * later);
@@ -214,7 +220,8 @@ fn run(level: &Level, method: Method, limit: Watts, machine: &Machine, seconds: 
             Method::Frugal => app.update(at, frame),
             Method::BestConstant => (constant, constant),
             Method::Reactive => {
-                let settings = reactive.step(frame, metered);
+                reactive.observe(CostPoint::new(metered.0, 0.0));
+                let settings = reactive.decide(0, frame, &poses[0]).settings;
                 (settings, settings)
             }
         };
@@ -303,7 +310,7 @@ fn percent(share: f64) -> String {
 
 /// The limit at `share` of the way from the cheapest to the best settings' mean power.
 fn limit_at(level: &Level, share: f64) -> Watts {
-    let [low, high] = level.path.range();
+    let [low, high] = level.record.power_range();
     low + (high - low) * share
 }
 
@@ -408,7 +415,7 @@ fn strongest_period(frames: &[Frame], tour: f64) -> (f64, f64) {
 fn company(level: &Level) {
     println!("\n## {}: ten minutes beside other controllers, budget of 60 %\n", level.name);
     let limit = limit_at(level, 0.6);
-    let tour = level.path.frames() as f64 / level.map.capture.frames_per_second;
+    let tour = level.record.path.poses().len() as f64 / level.map.capture.frames_per_second;
     let mut rows = Vec::new();
     let cases: [(&str, Machine); 5] = [
         ("none", PLAIN),
@@ -459,8 +466,8 @@ fn main() {
             let description = scene::load(scene).map_err(|error| error.to_string())?;
             let text = std::fs::read_to_string(map).map_err(|error| error.to_string())?;
             let map = FrontierMap::from_ron(&text).map_err(|error| error.to_string())?;
-            let path = RecordedPath::read(record, &description, "tour", &map)?;
-            Ok(Level { name, map, path })
+            let record = read_record(record, &description, "tour", &map)?;
+            Ok(Level { name, map, record })
         };
         let level = read().unwrap_or_else(|error| {
             eprintln!("simulated: {error}");

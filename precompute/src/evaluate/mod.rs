@@ -20,7 +20,7 @@ mod render_path;
 mod table;
 
 pub(crate) use check::{FramePicture, pictures, play_for_real};
-pub use for_benches::{ReactiveLadder, RecordedPath};
+pub use for_benches::read_record;
 pub(crate) use play::{EvaluationError, Progress, plan_along};
 pub(crate) use render_path::{RecordError, extend};
 pub(crate) use table::{TABLE_HEADERS, frames_csv, table, table_row};

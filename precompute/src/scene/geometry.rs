@@ -4,13 +4,13 @@
 use std::time::Duration;
 
 use bevy::DefaultPlugins;
-use bevy::app::{App, PluginGroup, TerminalCtrlCHandlerPlugin};
+use bevy::app::{App, PluginGroup, PluginGroupBuilder, TerminalCtrlCHandlerPlugin};
 use bevy::asset::{AssetPlugin, UnapprovedPathMode};
 use bevy::light::GlobalAmbientLight;
 use bevy::log::LogPlugin;
 use bevy::render::RenderPlugin;
 use bevy::render::settings::{RenderCreation, WgpuSettings};
-use bevy::window::WindowPlugin;
+use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::stage::extract::extract;
 use frugal_trace::scene::SceneGeometry;
@@ -86,25 +86,28 @@ pub(super) fn read(
     Ok((extracted.geometry, gaps))
 }
 
+/// Bevy's plugins without window, log and signal handler. A scene's files may be anywhere.
+pub(crate) fn headless() -> PluginGroupBuilder {
+    DefaultPlugins
+        .set(AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Allow, ..Default::default() })
+        .set(WindowPlugin {
+            primary_window: None,
+            exit_condition: ExitCondition::DontExit,
+            ..Default::default()
+        })
+        .disable::<WinitPlugin>()
+        .disable::<LogPlugin>()
+        .disable::<TerminalCtrlCHandlerPlugin>()
+}
+
 /// An app that loads, and renders nothing.
 fn app() -> App {
     let nothing = WgpuSettings { backends: None, ..Default::default() };
     let mut app = App::new();
-    app.add_plugins(
-        DefaultPlugins
-            .set(AssetPlugin {
-                unapproved_path_mode: UnapprovedPathMode::Allow,
-                ..Default::default()
-            })
-            .set(RenderPlugin {
-                render_creation: RenderCreation::Automatic(Box::new(nothing)),
-                ..Default::default()
-            })
-            .set(WindowPlugin { primary_window: None, ..Default::default() })
-            .disable::<WinitPlugin>()
-            .disable::<LogPlugin>()
-            .disable::<TerminalCtrlCHandlerPlugin>(),
-    );
+    app.add_plugins(headless().set(RenderPlugin {
+        render_creation: RenderCreation::Automatic(Box::new(nothing)),
+        ..Default::default()
+    }));
     app.insert_resource(GlobalAmbientLight::NONE);
     app.finish();
     app.cleanup();

@@ -26,6 +26,7 @@ mod spawn;
 
 pub use description::{Camera, Environment, Geometry, SceneDescription};
 pub(crate) use fingerprint::fingerprint_of;
+pub(crate) use geometry::headless;
 pub use load::SceneError;
 pub use loaded::{LoadedScene, ReferenceError, load};
 pub use path::{CameraKey, CameraPath};

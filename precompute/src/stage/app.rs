@@ -2,17 +2,12 @@
 
 use std::time::Duration;
 
-use bevy::DefaultPlugins;
-use bevy::app::{App, Last, PluginGroup, Startup, TerminalCtrlCHandlerPlugin};
-use bevy::asset::{AssetPlugin, UnapprovedPathMode};
+use bevy::app::{App, Last, PluginGroup, Startup};
 use bevy::ecs::world::World;
-use bevy::log::LogPlugin;
 use bevy::render::RenderPlugin;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::ui::UiPlugin;
 use bevy::ui_render::UiRenderPlugin;
-use bevy::window::{ExitCondition, WindowPlugin};
-use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::pacing::FramePacingPlugin;
 use bevy_frugal_gi::power::PowerPlugin;
@@ -99,21 +94,8 @@ fn spawned(world: &World) -> Option<Result<(), String>> {
 fn headless() -> App {
     let mut app = App::new();
     app.add_plugins(
-        DefaultPlugins
-            .set(AssetPlugin {
-                // A scene's files may be anywhere.
-                unapproved_path_mode: UnapprovedPathMode::Allow,
-                ..Default::default()
-            })
-            .set(WindowPlugin {
-                primary_window: None,
-                exit_condition: ExitCondition::DontExit,
-                ..Default::default()
-            })
+        scene::headless()
             .set(RenderPlugin { synchronous_pipeline_compilation: true, ..Default::default() })
-            .disable::<WinitPlugin>()
-            .disable::<LogPlugin>()
-            .disable::<TerminalCtrlCHandlerPlugin>()
             .disable::<UiPlugin>()
             .disable::<UiRenderPlugin>()
             // Each update must return with its own frame.

@@ -62,7 +62,7 @@ fn a_curve_is_the_least_sum_at_each_rate() {
     for frontier in [frontier(0.1), crate::testing::frontier(3.0), Frontier::default()] {
         let (curve, heavy) = (Curve::of(&frontier, 1.0), Curve::of(&frontier, 10.0));
         for place in 0..RATES {
-            let least = frontier.least_sum(rate_at(place as f64)).map(|point| point.cost);
+            let least = frontier.least_sum(GRID[place]).map(|point| point.cost);
             let least = least.unwrap_or(CostPoint::new(0.0, 0.0));
             assert_eq!(curve.at(place as f64), least);
             let later = (place + PER_DECADE as usize).min(RATES - 1);
