@@ -149,7 +149,7 @@ mod using_hud {
     }
 }
 
-// docs/knobs.md
+// docs/using.md
 mod knobs_by_hand {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;
@@ -167,7 +167,7 @@ mod knobs_by_hand {
     }
 }
 
-// docs/knobs.md
+// docs/using.md
 mod own_knob {
     fn sample() {
         use bevy::core_pipeline::tonemapping::DebandDither;

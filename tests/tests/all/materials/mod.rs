@@ -1,7 +1,7 @@
 //! Materials in global illumination: as sources of indirect light, as receivers and as occluders.
 //!
 //! All samples are measured on one test bench: a white floor under a vertical sun, and a grey wall
-//! behind it. `docs/architecture/materials.md` has the table of the results.
+//! behind it. `docs/architecture/frame.md` has the table of the results.
 
 pub(crate) mod custom;
 pub(crate) mod shaped;
