@@ -6,6 +6,7 @@
 #   make build    everything, and nothing else
 #   make run      an example: make run EXAMPLE=budget
 #   make bench    a benchmark: make bench BENCH=baseline ARGS='--size 320x180'
+#   make figures  plays docs/data/records, draws the plots and writes the tables of the documents from docs/data
 #   make check    formatting, lints, documentation; warnings are errors
 #   make ci       checks and tests, as .ci/run does
 #   make clean-demo   removes what the demo wrote
@@ -38,10 +39,10 @@ endif
 
 FRUGAL = $(CARGO_TARGET_DIR)/debug/frugal
 
-.PHONY: help demo test run bench check ci setup build clean-demo
+.PHONY: help demo test run bench figures check ci setup build clean-demo
 
 help:
-	@sed -n '4,11s/^# *//p' Makefile
+	@sed -n '4,12s/^# *//p' Makefile
 
 setup:
 	@scripts/setup
@@ -73,6 +74,14 @@ run: setup
 # In the profile of everything else, Bevy is not compiled once more.
 bench: setup
 	scripts/run cargo bench --workspace --bench $(BENCH) --profile dev -- $(ARGS)
+
+# Bevy-free, so that --workspace is not needed, nor a graphics driver.
+EXAMPLES = cargo run --package frugal_search --example
+
+figures:
+	$(EXAMPLES) policies -- --json docs/data/policies.json
+	$(EXAMPLES) meters -- --json docs/data/meters.json
+	$(EXAMPLES) figures
 
 check: setup
 	cargo fmt --all --check

@@ -1,8 +1,10 @@
 //! The controller with meters that are late, of another device, or lost, on the records of docs/data/records:
-//! `cargo run -p frugal_search --example meters [FOLDER]`.
+//! `cargo run -p frugal_search --example meters [FOLDER] [--json FILE]`.
+
+#[path = "shared/mod.rs"]
+mod shared;
 
 use std::collections::VecDeque;
-use std::path::Path;
 
 use frugal_core::control::{
     Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerModel,
@@ -10,7 +12,9 @@ use frugal_core::control::{
 use frugal_core::frontier::{CameraView, CostPoint, FrontierMap};
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
-use frugal_search::evaluate::{Choice, Policy, Pose, read_records};
+use frugal_search::evaluate::{Choice, Policy, Pose, RecordFile, read_records};
+use serde::Serialize;
+use shared::{Arguments, lines, made, rounded};
 
 /// Metered watts of the device for each watt of the map.
 const HUNGRIER: f64 = 1.4;
@@ -19,6 +23,19 @@ const INTERVAL: f64 = 1.0;
 /// Seconds in which the correction is learnt, which do not count.
 const LEARNING: f64 = 60.0;
 const SECONDS: f64 = 360.0;
+
+/// A meter on a path under a power budget.
+#[derive(Serialize)]
+struct Row<'a> {
+    scene: &'a str,
+    path: &'a str,
+    meter: &'a str,
+    /// Share of the range from the cheapest to the best settings' mean power.
+    budget: f64,
+    /// Mean power ÷ budget.
+    used: f64,
+    windows_over: f64,
+}
 
 /// The controller of a camera on a device with a meter.
 struct Metered<'a> {
@@ -81,12 +98,13 @@ impl Policy for Metered<'_> {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/data/records");
-    let folder = std::env::args().nth(1).unwrap_or_else(|| default.to_owned());
+    let arguments = Arguments::read()?;
+    let records = read_records(&arguments.folder)?;
+    let mut rows = Vec::new();
     println!(
         "of the power budget used, and windows of 30 s over by 2 %, after a minute; device of {HUNGRIER} W a watt of the map"
     );
-    for (file, map) in read_records(Path::new(&folder))? {
+    for (file, map) in &records {
         let record = file.record(&map.knobs)?;
         let [Watts(low), Watts(high)] = record.power_range();
         for (name, late, lost_at) in [
@@ -98,7 +116,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             for share in [0.3, 0.5, 0.7] {
                 let limit = HUNGRIER * (low + share * (high - low));
                 let mut policy = Metered {
-                    map: &map,
+                    map,
                     lens: file.lens,
                     budget: Budget::power(Watts(limit)),
                     controller: CameraController::default(),
@@ -122,10 +140,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let over = windows.clone().filter(|mean| *mean > 1.02 * limit).count();
                 let used = powers.iter().sum::<f64>() / powers.len() as f64 / limit;
                 let part = over as f64 / windows.count().max(1) as f64;
+                rows.push(Row {
+                    scene: &file.scene,
+                    path: &file.path,
+                    meter: name,
+                    budget: share,
+                    used: rounded(used, 3),
+                    windows_over: rounded(part, 4),
+                });
                 print!("  {:>3.0} %: {used:.3}, {:.1} %", 100.0 * share, 100.0 * part);
             }
             println!();
         }
+    }
+    if let Some(file) = arguments.json {
+        let records: Vec<&RecordFile> = records.iter().map(|(record, _)| record).collect();
+        let made = serde_json::to_string(&made(&records))?;
+        let rows = lines(&rows)?;
+        std::fs::write(file, format!("{{\n  \"made\": {made},\n  \"rows\": {rows}\n}}\n"))?;
     }
     Ok(())
 }

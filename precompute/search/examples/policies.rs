@@ -1,7 +1,9 @@
 //! Plays every policy on the records of docs/data/records: `cargo run --release -p frugal_search --example
-//! policies [FOLDER]`. Prints, for each path and power budget, errors and what became of the budget.
+//! policies [FOLDER] [--json FILE]`. Prints, for each path and power budget, errors and what became of the
+//! budget. The file holds the same.
 
-use std::path::Path;
+#[path = "shared/mod.rs"]
+mod shared;
 
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::FrontierMap;
@@ -9,20 +11,82 @@ use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PowerBudget, RecordFile, RunResult, Trial,
     read_records,
 };
+use serde::Serialize;
+use shared::{Arguments, lines, made, rounded};
 
 const SHARES: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 const ERRORS: [f64; 5] = [0.006, 0.01, 0.018, 0.03, 0.05];
 
+/// A path under a power budget.
+#[derive(Serialize)]
+struct PowerRow {
+    scene: String,
+    path: String,
+    /// Share of the range from the cheapest to the best settings' mean power.
+    budget: f64,
+    range_w: [f64; 2],
+    limit_w: f64,
+    frugal: Played,
+    trained: Played,
+    best: Played,
+    turns: Played,
+    shared: Played,
+    oracle: Played,
+    reactive: Played,
+    windows_over: f64,
+    switches_per_minute: f64,
+}
+
+/// A path under an error budget.
+#[derive(Serialize)]
+struct ErrorRow {
+    scene: String,
+    path: String,
+    error_budget: f64,
+    frugal: Played,
+    trained: Played,
+    oracle: Played,
+}
+
+/// Mean power and error of a policy.
+#[derive(Serialize)]
+struct Played {
+    w: f64,
+    error: f64,
+}
+
+impl Played {
+    fn of(run: &RunResult) -> Self {
+        Self { w: rounded(run.mean_power_w.0, 4), error: rounded(run.mean_error, 5) }
+    }
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/data/records");
-    let folder = std::env::args().nth(1).unwrap_or_else(|| default.to_owned());
-    for (record, map) in read_records(Path::new(&folder))? {
-        print(&record, &map)?;
+    let arguments = Arguments::read()?;
+    let records = read_records(&arguments.folder)?;
+    let (mut powers, mut errors) = (Vec::new(), Vec::new());
+    for (record, map) in &records {
+        print(record, map, &mut powers, &mut errors)?;
+    }
+    if let Some(file) = arguments.json {
+        let records: Vec<&RecordFile> = records.iter().map(|(record, _)| record).collect();
+        let made = serde_json::to_string(&made(&records))?;
+        let (powers, errors) = (lines(&powers)?, lines(&errors)?);
+        let text = format!(
+            "{{\n  \"made\": {made},\n  \"power_budgets\": {powers},\n  \"error_budgets\": {errors}\n}}\n"
+        );
+        std::fs::write(file, text)?;
     }
     Ok(())
 }
 
-fn print(file: &RecordFile, map: &FrontierMap) -> Result<(), String> {
+/// Prints what becomes of a path, and adds a row for each budget.
+fn print(
+    file: &RecordFile,
+    map: &FrontierMap,
+    powers: &mut Vec<PowerRow>,
+    errors: &mut Vec<ErrorRow>,
+) -> Result<(), String> {
     let record = file.record(&map.knobs)?;
     let trial = Trial {
         scene: &file.scene,
@@ -40,6 +104,7 @@ fn print(file: &RecordFile, map: &FrontierMap) -> Result<(), String> {
     println!(
         "budget  frugal trained  best   mixed  shared oracle reactive | of trained, way, used, over, switches/min"
     );
+    let [low, high] = record.power_range();
     let mut ratios = Vec::new();
     for share in SHARES {
         let power = Some(PowerBudget::Share(share));
@@ -51,8 +116,28 @@ fn print(file: &RecordFile, map: &FrontierMap) -> Result<(), String> {
         let way =
             (error("best-constant") - ours.mean_error) / (error("best-constant") - error("oracle"));
         ratios.push((ratio, way));
+        let used = ours.mean_power_w.0 / limit;
+        let over = ours.windows_over.unwrap_or(f64::NAN);
+        let switches = 60.0 * ours.switches as f64 / (ours.series.len() as f64 / result.fps);
+        let played = |name: &str| Played::of(run(&result, name));
+        powers.push(PowerRow {
+            scene: file.scene.clone(),
+            path: file.path.clone(),
+            budget: share,
+            range_w: [low, high].map(|power| rounded(power.0, 4)),
+            limit_w: rounded(limit, 4),
+            frugal: played("frugal"),
+            trained: played("trained-constant"),
+            best: played("best-constant"),
+            turns: played("mixed-constants"),
+            shared: played("shared-frontier"),
+            oracle: played("oracle"),
+            reactive: played("reactive"),
+            windows_over: rounded(over, 4),
+            switches_per_minute: rounded(switches, 1),
+        });
         println!(
-            "{:>5.0} %  {:.4} {:.4} {:.4} {:.4} {:.4} {:.4} {:.4} | {ratio:.2} {:>4.0} % {:.3} {:.3} {:.1}",
+            "{:>5.0} %  {:.4} {:.4} {:.4} {:.4} {:.4} {:.4} {:.4} | {ratio:.2} {:>4.0} % {used:.3} {over:.3} {switches:.1}",
             100.0 * share,
             ours.mean_error,
             error("trained-constant"),
@@ -62,9 +147,6 @@ fn print(file: &RecordFile, map: &FrontierMap) -> Result<(), String> {
             error("oracle"),
             error("reactive"),
             100.0 * way,
-            ours.mean_power_w.0 / limit,
-            ours.windows_over.unwrap_or(f64::NAN),
-            60.0 * ours.switches as f64 / (ours.series.len() as f64 / result.fps),
         );
     }
     let median = |of: fn(&(f64, f64)) -> f64| {
@@ -82,6 +164,14 @@ fn print(file: &RecordFile, map: &FrontierMap) -> Result<(), String> {
         let result = trial.judge(&BudgetRequest { error: Some(error), ..Default::default() });
         let [ours, trained, oracle] =
             ["frugal", "trained-constant", "oracle"].map(|name| run(&result, name));
+        errors.push(ErrorRow {
+            scene: file.scene.clone(),
+            path: file.path.clone(),
+            error_budget: error,
+            frugal: Played::of(ours),
+            trained: Played::of(trained),
+            oracle: Played::of(oracle),
+        });
         println!(
             "{error:.3}  {:.3} {:.4} | {:.3} {:.4} | {:.3}",
             ours.mean_power_w.0,
