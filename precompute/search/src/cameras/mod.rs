@@ -9,8 +9,6 @@ mod set;
 mod stretch;
 
 pub(crate) use free_space::{Clearance, FreeSpace};
-#[cfg(test)]
-pub(crate) use pose::FREE;
 pub use pose::MovingCamera;
 pub use set::{CameraMix, CameraSet, sampled};
 pub use stretch::{TrackSample, stretches};

@@ -14,7 +14,7 @@ const RANGE: (f64, f64) = (0.0015, 0.2);
 const STEPS: i32 = 40;
 /// Normal quantile of the confidence with which a budget's mean is kept: 90 %, one-sided. Higher values
 /// leave a larger margin.
-pub(super) const QUANTILE: f64 = 1.2816;
+const QUANTILE: f64 = 1.2816;
 
 /// Standard deviation of what a camera's error differs from its prediction, as a part of a mean error,
 /// before any is known. Higher values leave a larger margin where cameras are few.

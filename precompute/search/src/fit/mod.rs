@@ -3,22 +3,20 @@
 //!
 //! Costs at an address are a mean over the training cameras, weighted by their distance to the
 //! address's own. Between cameras are views that no camera has rendered, whose costs a regression
-//! predicts from what they show. A node of the octree is divided where settings selected by the finer estimates
-//! cost less at held-out cameras. Where no division does, all addresses share one frontier, so no
-//! map is worse than its own best constant. Differs from Wang et al. 2016, section 3.5.3, who
-//! divide where frontiers differ, to which noise suffices. Independent of the renderer.
+//! predicts from what they show. A node of the octree is divided where the finer estimates differ (Wang et
+//! al. 2016, section 3.5.3). Where the division saves nothing at held-out cameras, all addresses share
+//! one frontier, so that no map is worse than its own best constant. Independent of the renderer.
 mod calibrate;
 mod cluster;
 mod completion;
 mod estimate;
-mod margin;
+mod held_out;
 mod octree;
 mod regression;
 mod smooth;
 #[cfg(test)]
 mod tests;
 mod training;
-mod validate;
 
 pub(crate) use calibrate::{Calibration, calibrate};
 pub(crate) use completion::Completion;
@@ -26,4 +24,3 @@ pub(crate) use octree::{FitConfig, FitReport, Fitted, fit};
 pub(crate) use regression::DescribedView;
 pub(crate) use smooth::Smoother;
 pub(crate) use training::Training;
-pub(crate) use validate::Losses;

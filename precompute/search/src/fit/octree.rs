@@ -6,13 +6,11 @@ use frugal_core::frontier::{
     Address, Bounds, CameraView, Corner, Frontier, Leaf, Octree, ViewDirection,
 };
 
+use super::Smoother;
 use super::cluster::cluster;
 use super::estimate::{Keys, Pyramid, leaf_at};
-use super::margin::{Margin, is_away};
-use super::regression::Viewpoint;
+use super::held_out::HeldOut;
 use super::training::{Estimate, Training};
-use super::validate::HeldOut;
-use super::{Losses, Smoother};
 
 /// Least weight of evidence; an address without cameras and with less takes the shared frontier.
 const LEAST_WEIGHT: f64 = 0.5;
@@ -20,6 +18,9 @@ const LEAST_WEIGHT: f64 = 0.5;
 const LEAST_DISTANCE: f64 = 0.02;
 /// Number of unrendered views that justify a division as a camera does.
 const UNRENDERED_PER_CAMERA: usize = 4;
+/// Least saving at held-out cameras that justifies a larger map, as a share of the shared frontier's
+/// loss. Less than a standard error suffices, since estimates are shrunk towards the shared one.
+const LEAST_SAVING: f64 = 0.02;
 /// Greatest number of frontiers; each takes most of a kilobyte of a map's file.
 const MOST_FRONTIERS: usize = 40;
 
@@ -61,12 +62,8 @@ pub struct FitReport {
     pub shared_loss: f64,
     /// The same for the octree.
     pub octree_loss: f64,
-    /// The same for uniformly divided octrees, by depth.
-    pub depth_losses: Vec<f64>,
     /// Number of addresses with cameras.
     pub addresses: usize,
-    /// Factor on errors away from the tracks, mean over settings.
-    pub margin: f64,
     /// The power threshold used, watts.
     pub power_threshold_w: f64,
 }
@@ -97,33 +94,15 @@ pub(crate) fn fit(
     let keys = Keys::new(bounds, levels, views);
     let smoother = Smoother::new(training, views);
     let pyramid = Pyramid::new(training, &smoother, &keys, &all);
-    let held_out = HeldOut::new(training, views, &keys);
-    let losses = Losses::of(training, &held_out);
-    let representative = training.representative();
-    let mean = |losses: &[f64]| {
-        representative.iter().map(|camera| losses[*camera]).sum::<f64>()
-            / representative.len().max(1) as f64
-    };
     let shared = training.frontier(&pyramid.shared);
-    let mut report = FitReport {
-        cameras: training.cameras(),
-        shared_loss: mean(&losses.shared),
-        ..FitReport::default()
+    let range = match shared.points() {
+        [first, .., last] => last.cost.power.0 - first.cost.power.0,
+        _ => 0.0,
     };
-
-    let range = |frontier: &Frontier| {
-        let points = frontier.points();
-        points
-            .last()
-            .zip(points.first())
-            .map_or(0.0, |(last, first)| last.cost.power.0 - first.cost.power.0)
-    };
-    report.power_threshold_w =
-        config.power_threshold_w.max(config.power_threshold_share * range(&shared));
-    let threshold_w = report.power_threshold_w;
+    let threshold_w = config.power_threshold_w.max(config.power_threshold_share * range);
     // At any finer depth: eight children may look alike, and their children not.
-    let differs = |depth: usize, deepest: usize, cameras: &[usize]| {
-        (depth + 1..=deepest).any(|finer| {
+    let differs = |depth: usize, cameras: &[usize]| {
+        (depth + 1..=usize::from(levels)).any(|finer| {
             let distance = pyramid.distance(&keys, cameras, depth, finer);
             distance.power.0 > threshold_w || distance.error > config.error_threshold
         })
@@ -133,66 +112,34 @@ pub(crate) fn fit(
         UNRENDERED_PER_CAMERA * rendered + (cameras.len() - rendered)
             >= UNRENDERED_PER_CAMERA * config.least_cameras
     };
-    let mut tree =
-        Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
-    let by_depth: Vec<f64> = losses.by_depth.iter().map(|losses| mean(losses)).collect();
-    let depth = losses.deepest(&representative);
-    report.depth_losses = by_depth;
-    let is_divided = depth.is_some();
-    let depth = depth.unwrap_or(0);
-    if is_divided {
-        tree.divide(
-            0,
-            0,
-            Leaf { min: [0; 3], size: 1 << levels },
-            &all,
-            &mut |at, cameras| at < depth && is_enough(cameras) && differs(at, depth, cameras),
-            &keys,
-        );
-    } else {
-        tree.leaves.push((Leaf { min: [0; 3], size: 1 << levels }, 0, all.clone()));
+    let root = Leaf { min: [0; 3], size: 1 << levels };
+    let whole = || Octree { levels, nodes: vec![0], ..Octree::default() };
+    let mut tree = Tree { octree: whole(), leaves: Vec::new() };
+    let mut pays = |depth: usize, cameras: &[usize]| is_enough(cameras) && differs(depth, cameras);
+    tree.divide(0, 0, root, &all, &mut pays, &keys);
+    let mut depths = vec![0; all.len()];
+    for (_, depth, cameras) in &tree.leaves {
+        cameras.iter().for_each(|camera| depths[*camera] = *depth);
+    }
+    let held_out = HeldOut::new(training, views, &keys, &depths);
+    let [shared_loss, octree_loss] = held_out.losses(training);
+    let is_divided = shared_loss - octree_loss >= LEAST_SAVING * shared_loss;
+    if !is_divided {
+        tree = Tree { octree: whole(), leaves: vec![(root, 0, all.clone())] };
     }
     let Tree { mut octree, leaves } = tree;
     let members = if is_divided { members(&keys, &leaves) } else { BTreeMap::new() };
-    report.addresses = members.len();
-    let depths = is_divided.then(|| {
-        let mut depths = vec![0; all.len()];
-        leaves.iter().for_each(|(_, depth, cameras)| {
-            cameras.iter().for_each(|camera| depths[*camera] = *depth);
-        });
-        depths
-    });
-    // Over the same cameras as the shared loss, with which it is compared.
-    let of_octree = |depths: &Vec<usize>| {
-        mean(
-            &depths
-                .iter()
-                .take(training.cameras())
-                .enumerate()
-                .map(|(camera, depth)| losses.by_depth[*depth][camera])
-                .collect::<Vec<_>>(),
-        )
+    let report = FitReport {
+        cameras: training.cameras(),
+        shared_loss,
+        octree_loss: if is_divided { octree_loss } else { shared_loss },
+        addresses: members.len(),
+        power_threshold_w: threshold_w,
     };
-    report.octree_loss = depths.as_ref().map_or(report.shared_loss, of_octree);
-    let is_away = |viewpoint: &Viewpoint| is_away(&smoother, training.on_track(), viewpoint);
-    let away: Vec<bool> =
-        (0..training.cameras()).map(|camera| is_away(&smoother.viewpoint(camera))).collect();
-    let held_out = held_out.at(depths.as_deref());
-    let margin = Margin::of(training, &held_out, &away);
-    report.margin = margin.mean();
-    let with_margin = |(estimate, is_away): (Estimate, bool)| {
-        training.frontier(&if is_away { margin.applied(estimate) } else { estimate })
-    };
-    let held_out = held_out.into_iter().zip(away).map(with_margin).collect();
-    let known = Known {
-        training,
-        keys: &keys,
-        pyramid: &pyramid,
-        members: &members,
-        shared: &shared,
-        margin: &margin,
-        is_away: &is_away,
-    };
+    let estimates = if is_divided { &held_out.octree } else { &held_out.shared };
+    let held_out = estimates.iter().map(|estimate| training.frontier(estimate)).collect();
+    let known =
+        Known { training, keys: &keys, pyramid: &pyramid, members: &members, shared: &shared };
     fill(&mut octree, &leaves, &known);
     Fitted { octree, shared, report, held_out }
 }
@@ -251,34 +198,22 @@ struct Known<'a> {
     pyramid: &'a Pyramid<'a>,
     members: &'a BTreeMap<Address, Vec<usize>>,
     shared: &'a Frontier,
-    margin: &'a Margin,
-    is_away: &'a dyn Fn(&Viewpoint) -> bool,
 }
 
 impl Known<'_> {
-    /// The estimate of an address: from its cameras, or from those around it; with the margin where
-    /// it is away from the tracks. `None` for the shared one.
-    ///
-    /// An address is where its cameras are: its corner is up to a leaf away from them, and would have a
-    /// margin next to a track, for which error budgets are calibrated without.
+    /// The estimate of an address: from its cameras, or from those around it. `None` for the shared
+    /// one.
     fn estimate(&self, address: Address) -> Option<Estimate> {
         if self.members.is_empty() {
             return None;
         }
-        let (estimate, is_away) = match self.members.get(&address) {
-            Some(members) => {
-                let is_away = |view: &usize| (self.is_away)(&self.pyramid.viewpoint(*view));
-                (self.pyramid.viewpoints(members), members.iter().all(is_away))
-            }
+        match self.members.get(&address) {
+            Some(members) => Some(self.pyramid.viewpoints(members)),
             None => {
                 let around = self.pyramid.address(self.keys, address, 0);
-                if around.weight < LEAST_WEIGHT {
-                    return None;
-                }
-                (around, (self.is_away)(&self.keys.viewpoint(address)))
+                (around.weight >= LEAST_WEIGHT).then_some(around)
             }
-        };
-        Some(if is_away { self.margin.applied(estimate) } else { estimate })
+        }
     }
 }
 

@@ -1,20 +1,14 @@
 //! Costs at a viewpoint from nearby cameras: kernel regression (Nadaraya 1964, Watson 1964).
 //!
-//! A rendered camera predicts costs of views metres and tens of degrees away. On 13 frames of a
-//! tour, 13 training cameras with this smoothing selected settings of 10.9 W, in the mean over nine
-//! error budgets; the best constants took 13.5 W and the optimum of every frame 10.4 W. Errors are
-//! averaged without a logarithm: budgets limit their arithmetic mean, which a mean of logarithms
-//! underestimates the more views differ.
+//! A rendered camera predicts costs of views metres and tens of degrees away. Errors are averaged
+//! without a logarithm: budgets limit their arithmetic mean, which a mean of logarithms underestimates
+//! the more views differ.
 
 use frugal_core::frontier::{CameraView, CostPoint};
 
 use super::regression::Viewpoint;
 use super::training::{Estimate, Training};
 
-/// Range of the kernel's bandwidth, steps: the distance of the second nearest camera, clamped to
-/// this range. Narrow where cameras are dense, wide where they are sparse (Breiman, Meisel, Purcell
-/// 1977).
-const REACH: (f32, f32) = (0.3, 2.0);
 /// Prior weight of the shared estimate, in cameras at the exact viewpoint.
 const SHARED_WEIGHT: f64 = 0.1;
 
@@ -45,17 +39,13 @@ impl<'a> Smoother<'a> {
     ) -> Estimate {
         let count = viewpoints.len().max(1) as f64;
         let mut sums = vec![0.0; from.len()];
-        // Weight of the evidence, with a bandwidth of one step however sparse cameras are.
-        let mut presence = 0.0;
         for viewpoint in viewpoints {
-            let steps: Vec<f32> =
-                from.iter().map(|camera| viewpoint.steps(&self.viewpoints[*camera])).collect();
-            presence += steps.iter().map(|steps| f64::from((-steps).exp())).sum::<f64>();
-            let reach = reach(&steps);
-            sums.iter_mut()
-                .zip(&steps)
-                .for_each(|(sum, steps)| *sum += f64::from((-steps / reach).exp()) / count);
+            for (sum, camera) in sums.iter_mut().zip(from) {
+                let steps = viewpoint.steps(&self.viewpoints[*camera]);
+                *sum += f64::from((-steps).exp()) / count;
+            }
         }
+        let weight = sums.iter().sum();
         let weights: Vec<(usize, f64)> =
             from.iter().copied().zip(sums).filter(|(_, weight)| *weight > 1e-4).collect();
         let total = SHARED_WEIGHT + weights.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -72,17 +62,6 @@ impl<'a> Smoother<'a> {
                     .exp();
             CostPoint::new(power, mean(setting, |cost| cost.error, cost.error))
         };
-        Estimate {
-            costs: shared.costs.iter().enumerate().map(blend).collect(),
-            weight: presence / count,
-        }
+        Estimate { costs: shared.costs.iter().enumerate().map(blend).collect(), weight }
     }
-}
-
-/// The kernel's bandwidth for cameras at these distances, in steps.
-fn reach(steps: &[f32]) -> f32 {
-    let mut sorted = steps.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let second = sorted.get(1).or(sorted.first()).copied().unwrap_or(REACH.1);
-    second.clamp(REACH.0, REACH.1)
 }

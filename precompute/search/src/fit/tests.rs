@@ -1,8 +1,6 @@
 //! Fits to synthetic scenes with known optimal maps.
 
-use frugal_core::frontier::{
-    Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection, look_up_in,
-};
+use frugal_core::frontier::{Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection};
 use frugal_core::knobs::KnobLevels;
 use frugal_trace::scene::CameraPose;
 use glam::{Quat, Vec3};
@@ -10,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::cameras::{FREE, MovingCamera};
+use crate::cameras::MovingCamera;
 use crate::table::CostTable;
 
 const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0, 8.0, 8.0] };
@@ -197,42 +195,6 @@ fn views_that_no_camera_has_rendered_get_predicted_costs() {
     assert_eq!((few.cameras(), few.views()), (3, 3));
 }
 
-#[test]
-fn errors_away_from_tracks_get_a_margin() {
-    // A track in one corner; cameras elsewhere, whose errors are 1.4 times what estimates say.
-    let mut scene = scene(60, 4, 0.02, |_| true);
-    for (row, camera) in scene.cameras.iter_mut().enumerate() {
-        if row >= 20 {
-            camera.group |= 1 << 31;
-        }
-    }
-    for (row, view) in scene.views.iter_mut().enumerate() {
-        view.rotation = Quat::IDENTITY;
-        view.position = if row < 20 { Vec3::splat(0.1) } else { Vec3::splat(7.0) };
-    }
-    let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
-    let smoother = Smoother::new(&training, &scene.views);
-    let is_away = |camera: usize| {
-        margin::is_away(&smoother, training.on_track(), &smoother.viewpoint(camera))
-    };
-    let away: Vec<bool> = (0..60).map(is_away).collect();
-    assert!(away[..20].iter().all(|away| !away) && away[20..].iter().all(|away| *away));
-    assert!(!margin::is_away(&smoother, &[], &smoother.viewpoint(30)), "without tracks");
-    let estimates: Vec<training::Estimate> = (0..60)
-        .map(|camera| training::Estimate {
-            costs: training
-                .costs(camera)
-                .iter()
-                .map(|cost| CostPoint::new(cost.power.0, cost.error / 1.4))
-                .collect(),
-            weight: 1.0,
-        })
-        .collect();
-    let of = |away: &[bool]| margin::Margin::of(&training, &estimates, away).mean();
-    assert!((1.35..1.45).contains(&of(&away)), "{}", of(&away));
-    assert_eq!(of(&[false; 60]), 1.0, "no camera there");
-}
-
 /// Mean error at fresh cameras of the settings selected under a budget.
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);
@@ -295,40 +257,4 @@ fn without_cameras_nothing_is_calibrated_and_few_support_little() {
     let broken = |_: KnobLevels| None;
     let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], &|_| 0.0);
     assert!(unknown.is_sound());
-}
-
-#[test]
-fn a_track_has_no_margin_however_far_its_corners_are() {
-    // Leaves of 8 m at most, whose corners are metres away from the track at x = 40 to 63.
-    let bounds = Bounds { min: [0.0; 3], max: [128.0; 3] };
-    let mut random = ChaCha8Rng::seed_from_u64(3);
-    let rotation = Quat::from_rotation_y(-std::f32::consts::FRAC_PI_2);
-    let mut scene = Scene::new(48);
-    for row in 0..48_usize {
-        let is_on_track = row < 24;
-        let (position, difficulty) = if is_on_track {
-            (Vec3::new(40.0 + row as f32, 43.5, 43.5), 1.0)
-        } else {
-            // Elsewhere every other view is much harder than its neighbours.
-            let at = |random: &mut ChaCha8Rng| random.random_range(80.0..120.0);
-            let difficulty = if row % 2 == 0 { 0.3 } else { 3.0 };
-            (Vec3::from_array(std::array::from_fn(|_| at(&mut random))), difficulty)
-        };
-        let group = if is_on_track { row as u32 / 2 } else { FREE };
-        scene.add(CameraPose { position, rotation }, group, |settings| {
-            cost(settings, position.x < 52.0, difficulty, 0.0, &mut random)
-        });
-    }
-    let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
-    let fitted = fit(&training, &scene.views, &bounds, &FitConfig::default());
-    assert!(fitted.report.margin > 1.2, "{:?}", fitted.report);
-    let (mut predicted, mut measured) = (0.0, 0.0);
-    for (row, view) in scene.views.iter().enumerate().take(24) {
-        let found = look_up_in(&fitted.octree, &bounds, view).expect("a frontier");
-        for point in found.frontier.points() {
-            predicted += point.cost.error;
-            measured += scene.table.get(row, point.settings).expect("a cost").error;
-        }
-    }
-    assert!((0.9..1.12).contains(&(predicted / measured)), "{predicted} of {measured}");
 }

@@ -113,11 +113,6 @@ impl Training {
         &self.costs[camera]
     }
 
-    /// Cameras on tracks.
-    pub(super) fn on_track(&self) -> &[usize] {
-        &self.on_track
-    }
-
     /// Cross-validation group: cameras of one group are held out together.
     pub(crate) fn group(&self, camera: usize) -> u32 {
         self.groups[camera]

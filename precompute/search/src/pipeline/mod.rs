@@ -350,17 +350,10 @@ fn table<M: Measure>(
 /// Describes a fit in one line.
 pub fn describe(report: &FitReport) -> String {
     format!(
-        "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier; by depth {}; errors away from paths × {:.2}",
+        "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier",
         report.cameras,
         report.addresses,
         100.0 * report.octree_loss,
         100.0 * report.shared_loss,
-        report
-            .depth_losses
-            .iter()
-            .map(|loss| format!("{:.1}", 100.0 * loss))
-            .collect::<Vec<_>>()
-            .join(" "),
-        report.margin
     )
 }

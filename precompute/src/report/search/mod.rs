@@ -89,10 +89,6 @@ fn facts(summary: &SearchSummary) -> Vec<Fact> {
         ("Loss at held-out cameras", percent(report.octree_loss)),
         ("With one shared frontier", percent(report.shared_loss)),
         (
-            "By depth of the octree",
-            report.depth_losses.iter().map(|loss| percent(*loss)).collect::<Vec<_>>().join(", "),
-        ),
-        (
             "Error of the cost model at held-out readings",
             format!(
                 "{} in the mean, {} at the 90th percentile",

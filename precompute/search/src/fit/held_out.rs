@@ -1,0 +1,90 @@
+//! Estimates for each camera from the others, and the costs of their selections there.
+
+use frugal_core::frontier::{CameraView, CostPoint};
+
+use super::Smoother;
+use super::estimate::{Keys, Pyramid};
+use super::training::{Estimate, Training};
+
+/// Number of folds.
+const FOLDS: u32 = 8;
+/// Exchange rates of the selections, in units of the greatest mean power per unit of error: those
+/// of error budgets from a few hundredths to a few thousandths.
+const RATES: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
+
+/// Held-out and kept cameras of each fold; groups are never split, and no fold holds out all
+/// cameras.
+fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> + '_ {
+    let fold =
+        |camera: usize| training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1);
+    let splits = (0..FOLDS)
+        .map(move |number| (0..training.cameras()).partition(|camera| fold(*camera) == number));
+    splits.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
+}
+
+/// Estimates of each camera's costs from the cameras of other folds.
+pub(super) struct HeldOut {
+    /// The shared one, by camera.
+    pub shared: Vec<Estimate>,
+    /// That of the camera's address in the octree, by camera.
+    pub octree: Vec<Estimate>,
+}
+
+impl HeldOut {
+    /// `depths`: of the octree's leaf of each camera. In each fold the unrendered views, too, are
+    /// predicted without the cameras that are held out.
+    pub(super) fn new(
+        training: &Training,
+        views: &[CameraView],
+        keys: &Keys,
+        depths: &[usize],
+    ) -> Self {
+        let none = vec![Estimate::default(); training.cameras()];
+        let mut estimates = Self { shared: none.clone(), octree: none };
+        for (out, mut kept) in folds(training) {
+            let known = training.without(&out);
+            let smoother = Smoother::new(&known, views);
+            kept.extend(known.cameras()..known.views());
+            let pyramid = Pyramid::new(&known, &smoother, keys, &kept);
+            for camera in out {
+                let depth = depths[camera];
+                let address = keys.addresses[depth][camera];
+                estimates.shared[camera] = pyramid.shared.clone();
+                estimates.octree[camera] = pyramid.address(keys, address, depth);
+            }
+        }
+        estimates
+    }
+
+    /// Mean losses of the shared frontier and of the octree over the cameras on tracks, where there
+    /// are enough: cost of the selected settings above the optimum, as a share of it.
+    pub(super) fn losses(&self, training: &Training) -> [f64; 2] {
+        let cameras = training.representative();
+        let count = cameras.len().max(1) as f64;
+        let power = |camera: usize| {
+            training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max)
+        };
+        let scale =
+            (0..training.cameras()).map(power).sum::<f64>() / training.cameras().max(1) as f64;
+        [&self.shared, &self.octree].map(|estimates| {
+            cameras.iter().map(|one| loss(training, *one, &estimates[*one], scale)).sum::<f64>()
+                / count
+        })
+    }
+}
+
+/// Mean over the rates of the selection's cost at `camera` above the optimum there.
+fn loss(training: &Training, camera: usize, estimate: &Estimate, scale: f64) -> f64 {
+    let costs = training.costs(camera);
+    let at_rate = |rate: f64| {
+        let value = |cost: &CostPoint| cost.power.0 + rate * scale * cost.error;
+        let least = |costs: &[CostPoint]| {
+            (0..costs.len()).min_by(|a, b| value(&costs[*a]).total_cmp(&value(&costs[*b])))
+        };
+        match (least(&estimate.costs), least(costs)) {
+            (Some(picked), Some(best)) => value(&costs[picked]) / value(&costs[best]) - 1.0,
+            _ => 0.0,
+        }
+    };
+    RATES.iter().map(|rate| at_rate(*rate)).sum::<f64>() / RATES.len() as f64
+}
