@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use frugal_trace::bsdf::Shading;
-use frugal_trace::integrator::{Settings, Watch, render};
+use frugal_trace::integrator::{Guide, Settings, Watch, render};
 use frugal_trace::metrics::tone;
 use glam::UVec2;
 
@@ -38,8 +38,27 @@ pub(super) struct Arguments {
     /// no specular lobe
     #[arg(long)]
     lambertian: bool,
+    /// Where paths go on: anywhere their surface scatters, or also where photons came from, which finds
+    /// light through doors and from lit spots sooner and is slower under an open sky
+    #[arg(long, value_enum, default_value_t = GuideArgument::None)]
+    guide: GuideArgument,
     #[command(flatten)]
     picture: PictureArguments,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum GuideArgument {
+    None,
+    Photons,
+}
+
+impl From<GuideArgument> for Guide {
+    fn from(argument: GuideArgument) -> Self {
+        match argument {
+            GuideArgument::None => Self::None,
+            GuideArgument::Photons => Self::Photons,
+        }
+    }
 }
 
 /// Greatest number of bounces; `None` for no limit.
@@ -77,6 +96,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         bounces: if is_direct { Some(0) } else { arguments.bounces.and_then(|bounces| bounces.0) },
         seed: arguments.seed,
         shading: if arguments.lambertian { Shading::Lambertian } else { Shading::Standard },
+        guide: arguments.guide.into(),
         ..Default::default()
     };
 

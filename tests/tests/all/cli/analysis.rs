@@ -45,22 +45,44 @@ fn references_are_traced_and_compared_without_an_adapter() {
         "once.png",
     ]);
     trace(&["--size", "16x16", "--hdr", "small.exr"]);
-    // The furnace's walls reflect 80 %: the first bounce is 80 % of the direct light.
-    run(&["compare", "once.exr", "direct.exr", "--json", "difference.json"]);
-    let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
-    let ratio = json
-        .lines()
-        .find_map(|line| line.trim().strip_prefix("\"mean_ratio\": "))
-        .expect("is there");
-    let ratio: f64 = ratio.trim_end_matches(',').parse().expect("a number");
-    assert!((ratio - 0.8).abs() < 0.005, "{json}");
+    trace(&[
+        "--size",
+        "32x18",
+        "--component",
+        "indirect",
+        "--bounces",
+        "1",
+        "--guide",
+        "photons",
+        "--hdr",
+        "guided.exr",
+    ]);
+    // The furnace's walls reflect 80 %: the first bounce is 80 % of the direct light, guided or not.
+    for image in ["once.exr", "guided.exr"] {
+        run(&["compare", image, "direct.exr", "--json", "difference.json"]);
+        let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
+        let ratio = json
+            .lines()
+            .find_map(|line| line.trim().strip_prefix("\"mean_ratio\": "))
+            .expect("is there");
+        let ratio: f64 = ratio.trim_end_matches(',').parse().expect("a number");
+        assert!((ratio - 0.8).abs() < 0.005, "{image}: {json}");
+    }
     assert_refused(
         &super::run(folder.path(), &["compare", "small.exr", "once.exr", "--json", "none.json"]),
         &["small.exr", "32×18", "16×16"],
     );
     assert_eq!(
         entries(folder.path()),
-        ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]
+        [
+            "a.scene.ron",
+            "difference.json",
+            "direct.exr",
+            "guided.exr",
+            "once.exr",
+            "once.png",
+            "small.exr"
+        ]
     );
 }
 
