@@ -37,6 +37,9 @@ impl Plugin for CameraPlugin {
     }
 }
 
+/// Sequences of samples that a cache takes one after another, before they repeat.
+const SEQUENCES: u32 = 4096;
+
 /// What a camera's VPLs and its gather depend on, apart from the scene and its [`GiView`].
 #[derive(Component, Clone, Debug, PartialEq)]
 struct ViewInputs {
@@ -101,6 +104,9 @@ fn prepare(
             sky_samples: sky.as_ref().map_or(0, |sky| sky.samples()),
             // Its buffers are empty, so the period does not apply.
             work: Work::ALL,
+            sequence: 0,
+            is_new: true,
+            relit: false,
             history: HistoryAction::Begins,
         };
         let inputs = ViewInputs {
@@ -131,16 +137,20 @@ fn prepare(
                 &frame,
                 *policy,
                 gi.refresh_period.max(1),
-                if gi.filters() { gi.rest_frames.min(FrugalGi::MAX_REST_FRAMES) } else { 0 },
+                if gi.converges() { gi.rest_frames.min(FrugalGi::MAX_REST_FRAMES) } else { 0 },
             );
         }
+        // Light that was gathered before all occluders existed is not valid.
+        next.is_new = is_cut || held_inputs.has_occluders != inputs.has_occluders;
+        let lights = |gi: &FrugalGi| (gi.emissive, gi.bounces, gi.environment_samples);
+        next.relit = lights(&held.gi) != lights(&next.gi) || held_inputs.sky != inputs.sky;
+        // Cells average light over time, and a history fixes its samples while anything moves.
+        let steps = frame.number % SEQUENCES;
+        next.sequence = if gi.caches() { steps } else { next.work.rested };
         next.history = match next.work.gather {
             false => HistoryAction::Rests,
             true if next.work.rested > 0 => HistoryAction::Averages,
-            // Light that was gathered before all occluders existed is no valid history.
-            true if is_cut || held_inputs.has_occluders != inputs.has_occluders => {
-                HistoryAction::Begins
-            }
+            true if next.is_new => HistoryAction::Begins,
             true if switched => HistoryAction::Switches,
             true if moved || reuse > BufferReuse::Same || always || frame.gather => {
                 HistoryAction::Moves

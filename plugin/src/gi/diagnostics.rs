@@ -11,6 +11,7 @@ use bevy::render::camera::ExtractedCamera;
 use bevy::render::{Render, RenderSystems};
 
 use crate::gi::bounces::BounceCamera;
+use crate::gi::cache::{self, CacheView};
 use crate::gi::denoise::History;
 use crate::gi::gather::GatherView;
 use crate::gi::rsm::RsmView;
@@ -128,10 +129,14 @@ fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {
     }
 }
 
-/// Low-resolution pixels that are gathered in this frame.
+/// Low-resolution pixels, or places of the image, that are gathered in this frame.
 fn gathered_pixels(view: &GiView) -> u64 {
     let cells = view.cells().as_u64vec2();
-    if view.work.gather { cells.x * cells.y } else { 0 }
+    match view.work.gather {
+        true if view.gi.caches() => cache::samples(view),
+        true => cells.x * cells.y,
+        false => 0,
+    }
 }
 
 /// Pairs of low-resolution pixel and VPL, or sky sample, that are evaluated in this frame.
@@ -153,7 +158,14 @@ fn count(
     shared: Res<SharedCounts>,
     store: Res<TexelStore>,
     occluders: Res<OccluderBuffers>,
-    views: Query<(&GiView, &VplView, &GatherView, Option<&History>, Option<&BounceCamera>)>,
+    views: Query<(
+        &GiView,
+        &VplView,
+        &GatherView,
+        Option<&CacheView>,
+        Option<&History>,
+        Option<&BounceCamera>,
+    )>,
     skies: Query<&SkyCamera>,
     frame: Res<GiFrame>,
     maps: Query<(), (With<RsmView>, With<ExtractedCamera>)>,
@@ -165,14 +177,18 @@ fn count(
         bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
         ..GiCounts::default()
     };
-    for (view, vpl, gather, history, bounces) in &views {
+    for (view, vpl, gather, cache, history, bounces) in &views {
         counts.cameras += u32::from(view.work.gather);
-        counts.settling += u32::from(history.is_some_and(History::is_converging));
+        counts.settling += u32::from(
+            history.is_some_and(History::is_converging)
+                || view.work.gather && cache.is_some_and(CacheView::is_settling),
+        );
         counts.vpls += vpl.sampled(view);
         counts.pairs += pairs(view, vpl);
         counts.rays += rays(view, vpl);
         counts.bytes += vpl.bytes()
             + gather.bytes()
+            + cache.map_or(0, CacheView::bytes)
             + history.map_or(0, History::bytes)
             + bounces.map_or(0, BounceCamera::bytes);
         if let Some(bounces) = bounces.filter(|_| view.work.sample) {

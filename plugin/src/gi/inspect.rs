@@ -13,6 +13,7 @@ use bevy::render::view::ExtractedView;
 
 use crate::gi::bounces::{self, BounceCamera, Patch};
 pub use crate::gi::bounces::{GiBouncesState, GiPatches};
+use crate::gi::cache::{self, CELL_BYTES, CacheSettings, CacheView};
 pub use crate::gi::emissive::GiEmitters;
 use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
@@ -28,7 +29,7 @@ use crate::gi::vpl::{
 use crate::gi::{composite, denoise};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 14] = [
+pub const STRUCT_BYTES: [(&str, u64); 16] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     trace::STRUCT_BYTES[0],
@@ -40,6 +41,8 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
     ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<TexelRow>() as u64),
     ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
+    ("Cell", CELL_BYTES),
+    ("Settings", size_of::<CacheSettings>() as u64),
     ("SkyLight", SKY_LIGHT_BYTES),
     ("SkyPlan", size_of::<SkyPlan>() as u64),
     ("SkySource", size_of::<SkyReading>() as u64),
@@ -115,6 +118,9 @@ pub struct GiCameraState {
     pub irradiance: Texture,
     /// Its patches' state, while it has more than one bounce.
     pub bounces: Option<GiBouncesState>,
+    /// Its cells of surface (`cache/table.wgsl`), while it keeps light in them: keys, behind them the
+    /// number of rays that found cells and that of places that were lit, and the cells.
+    pub cache: Option<[Buffer; 2]>,
 }
 
 /// Counts the bytes of occluders that frames upload, without a renderer: as one with room for all of
@@ -139,7 +145,13 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
         .get_resource::<OccluderBuffers>()
         .and_then(|occluders| occluders.buffers().map(|buffers| buffers.map(Buffer::clone)));
     let cameras = render_world
-        .try_query::<(&MainEntity, &VplView, &GatherView, Option<&BounceCamera>)>()
+        .try_query::<(
+            &MainEntity,
+            &VplView,
+            &GatherView,
+            Option<&BounceCamera>,
+            Option<&CacheView>,
+        )>()
         .map_or_else(Vec::new, |mut cameras| {
             cameras.iter(render_world).map(camera_state).collect()
         });
@@ -150,7 +162,13 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
 }
 
 fn camera_state(
-    (main, vpl, gather, bounces): (&MainEntity, &VplView, &GatherView, Option<&BounceCamera>),
+    (main, vpl, gather, bounces, cache): (
+        &MainEntity,
+        &VplView,
+        &GatherView,
+        Option<&BounceCamera>,
+        Option<&CacheView>,
+    ),
 ) -> GiCameraState {
     GiCameraState {
         camera: main.id(),
@@ -159,6 +177,7 @@ fn camera_state(
         per_set: vpl.plan.per_set,
         irradiance: gather.irradiance.texture.clone(),
         bounces: bounces.map(BounceCamera::state),
+        cache: cache.map(|cache| [cache.keys.clone(), cache.cells.clone()]),
     }
 }
 
@@ -196,6 +215,8 @@ pub enum GiPass {
     Vpl,
     /// Gathering.
     Gather,
+    /// Lighting and reading cells of surface.
+    Cache,
     /// Spatial filter and temporal accumulation.
     Denoise,
     /// Composite into the image.
@@ -204,19 +225,20 @@ pub enum GiPass {
 
 impl GiPass {
     /// In the order of a frame.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Resolve,
         Self::Sky,
         Self::Bounces,
         Self::Vpl,
         Self::Gather,
+        Self::Cache,
         Self::Denoise,
         Self::Composite,
     ];
 
     /// The name of its span among Bevy's render diagnostics, behind `frugal_gi/`.
     pub fn name(self) -> &'static str {
-        ["rsm", "sky", "bounces", "vpl", "gather", "denoise", "composite"][self as usize]
+        ["rsm", "sky", "bounces", "vpl", "gather", "cache", "denoise", "composite"][self as usize]
     }
 }
 
@@ -244,6 +266,7 @@ pub fn allow_repeats(app: &mut App) {
             bounces::reflect.in_set(PassSystems::Bounces).run_if(is(GiPass::Bounces)),
             vpl::sample.in_set(PassSystems::Vpl).run_if(is(GiPass::Vpl)),
             gather::gather.in_set(PassSystems::Gather).run_if(is(GiPass::Gather)),
+            cache::resolve.in_set(PassSystems::Cache).run_if(is(GiPass::Cache)),
             denoise::denoise.in_set(PassSystems::Denoise).run_if(is(GiPass::Denoise)),
             composite::composite.in_set(GiSystems::Composite).run_if(is(GiPass::Composite)),
         ),

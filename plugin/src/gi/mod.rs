@@ -20,11 +20,13 @@
 //! | `bounces` | both | further bounces: lights surface patches, whose reflected flux joins the texels |
 //! | `camera` | render | decides the work of each GI camera in a frame |
 //! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
+//! | `cache` | render | the same at the cheap end: light that is kept in cells of surface |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
 //! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
 //! | `diagnostics`, `inspect` | both | counters; access to buffers, for tests |
 
 mod bounces;
+mod cache;
 mod camera;
 mod composite;
 mod compute;
@@ -142,6 +144,7 @@ impl Plugin for GiPlugin {
             camera::CameraPlugin,
             vpl::VplPlugin,
             gather::GatherPlugin,
+            cache::CachePlugin,
             denoise::DenoisePlugin,
             composite::CompositePlugin,
             GiDiagnosticsPlugin,

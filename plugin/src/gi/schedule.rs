@@ -73,6 +73,8 @@ pub(super) enum PrepareSystems {
     Vpl,
     /// Each view's irradiance.
     Gather,
+    /// Each view's cells of surface.
+    Cache,
     /// Each view's history.
     Denoise,
     /// Removes Bevy's own diffuse light of gathered skies, before Bevy binds it.
@@ -90,6 +92,8 @@ pub(super) enum PassSystems {
     Vpl,
     /// Irradiance.
     Gather,
+    /// The same of cameras that keep it in the world.
+    Cache,
     /// Spatial filter and temporal accumulation.
     Denoise,
 }
@@ -147,6 +151,7 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                 PrepareSystems::Views,
                 PrepareSystems::Vpl,
                 PrepareSystems::Gather,
+                PrepareSystems::Cache,
                 PrepareSystems::Denoise,
                 PrepareSystems::Environment,
             )
@@ -165,6 +170,7 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                     PassSystems::Bounces,
                     PassSystems::Vpl,
                     PassSystems::Gather,
+                    PassSystems::Cache,
                     PassSystems::Denoise,
                 )
                     .chain()

@@ -29,7 +29,8 @@ pub struct FrugalGi {
     /// cheaper in proportion to its area, and softer, since a filter along surfaces averages over
     /// the square. Smaller: finer detail at edges and on small objects.
     pub interleave: GiInterleave,
-    /// Visibility of VPLs from surfaces. Finer: less noise in indirect shadows, more rays.
+    /// Visibility of VPLs from surfaces. Finer: less noise in indirect shadows, more rays. With
+    /// [`Cached`](GiVisibility::Cached) surfaces share rays, from frame to frame.
     pub visibility: GiVisibility,
     /// Samples of the sky that every low-resolution pixel evaluates, where the camera has an
     /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions sampled by the map's
@@ -119,10 +120,20 @@ impl FrugalGi {
         self.gathers() && self.visibility.rays() > 0
     }
 
+    /// Whether light is kept in cells of surface, in place of the gather and its filters.
+    pub(super) fn caches(&self) -> bool {
+        self.gathers() && self.visibility == GiVisibility::Cached
+    }
+
     /// Whether neighbouring low-resolution pixels use different VPLs or rays, whose noise is
     /// filtered in space and time.
     pub(super) fn filters(&self) -> bool {
-        self.interleave.side() > 1 || self.visibility.rays() > 0
+        !self.caches() && (self.interleave.side() > 1 || self.visibility.rays() > 0)
+    }
+
+    /// Whether light converges while nothing changes.
+    pub(super) fn converges(&self) -> bool {
+        self.caches() || self.filters()
     }
 
     /// Whether this camera has more than one bounce.
@@ -229,6 +240,12 @@ impl GiInterleave {
 pub enum GiVisibility {
     /// No rays: light leaks through walls.
     None,
+    /// At most 4,096 places of the image are lit in a frame, by two rays each, whatever its size. What
+    /// they receive is kept in the world, in cells of surface of 0.9 degrees or more, which all pixels
+    /// show: far fewer rays than `Coarse`, none once nothing changes, and no filters. Softer: shadows
+    /// smaller than a cell are lost. After a cut light is coarse for some frames, and where lights or
+    /// meshes move it lags by about four.
+    Cached,
     /// Two rays per low-resolution pixel.
     #[default]
     Coarse,
@@ -238,22 +255,22 @@ pub enum GiVisibility {
 
 impl GiVisibility {
     /// All, cheapest first.
-    pub const ALL: [Self; 3] = [Self::None, Self::Coarse, Self::Fine];
+    pub const ALL: [Self; 4] = [Self::None, Self::Cached, Self::Coarse, Self::Fine];
 
-    /// Rays to VPLs per low-resolution pixel.
+    /// Rays to VPLs per low-resolution pixel, or per place that is lit.
     pub const fn rays(self) -> u32 {
         match self {
             Self::None => 0,
-            Self::Coarse => 2,
+            Self::Cached | Self::Coarse => 2,
             Self::Fine => 8,
         }
     }
 
-    /// Rays to the sky per low-resolution pixel, where the sky is gathered.
+    /// Rays to the sky per low-resolution pixel, or per place that is lit, where the sky is gathered.
     pub const fn sky_rays(self) -> u32 {
         match self {
             Self::None => 0,
-            Self::Coarse => 2,
+            Self::Cached | Self::Coarse => 2,
             Self::Fine => 8,
         }
     }

@@ -47,6 +47,7 @@ const PLUGIN: &[&str] = &[
     "gi/bounces",
     "gi/camera",
     "gi/gather",
+    "gi/cache",
     "gi/denoise",
     "gi/composite",
     "gi/diagnostics",

@@ -18,7 +18,7 @@ use bevy::pbr::{
 use bevy::post_process::bloom::Bloom;
 use bevy::render::camera::MipBias;
 use bevy::render::render_resource::TextureFormat;
-use bevy_frugal_gi::gi::{FrugalGi, RsmView};
+use bevy_frugal_gi::gi::{FrugalGi, GiVisibility, RsmView};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobLevels};
 use bevy_frugal_gi::resolution::ResolutionScale;
 use frugal::scene::Environment;
@@ -120,7 +120,11 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
     match name {
         "gi_vpl_count" => assert_eq!(f64::from(gi.vpl_count), value),
         "gi_interleave" => assert_eq!(f64::from(gi.interleave.side()), value),
-        "gi_visibility" => assert_eq!(f64::from(gi.visibility.rays()), value),
+        "gi_visibility" => {
+            let values = [0.0, 1.0, 2.0, 8.0];
+            let at = GiVisibility::ALL.iter().position(|level| *level == gi.visibility);
+            assert_eq!(at.map(|at| values[at]), Some(value));
+        }
         "gi_environment_samples" => assert_eq!(f64::from(gi.environment_samples), value),
         "gi_pixel_fraction" => assert_eq!(gi.pixel_fraction.share(), value),
         "gi_refresh_period" => assert_eq!(f64::from(gi.refresh_period), value.recip()),

@@ -13,6 +13,7 @@ macro_rules! tests {
 mod architecture;
 mod attenuation;
 mod bounces;
+mod cache;
 mod cli;
 mod command;
 mod contracts;
@@ -46,6 +47,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("bounces::changes", bounces::changes::TESTS, true),
     ("bounces::light", bounces::light::TESTS, true),
     ("bounces::limits", bounces::limits::TESTS, true),
+    ("cache", cache::TESTS, true),
     ("cli::analysis", cli::analysis::TESTS, false),
     ("cli::app", cli::app::TESTS, true),
     ("cli::counted", cli::counted::TESTS, true),

@@ -42,10 +42,11 @@ fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3
         let away = pixel_position(other, size, max(depth, 1e-30), view.world_from_clip) - position;
         let shared_plane = surface_affinity(away, normal, surface_normal(textureLoad(g_buffer, in_g_buffer(other, view.viewport), 0)), tolerance);
         let near = select(1.0 - along, along, offset == vec2(1u));
+        let received = textureLoad(irradiance, cell, 0);
         // The small constants select the nearest low-resolution pixel where none lies on this
-        // surface; those of the sky have weight 0.
-        let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0);
-        sum += weight * textureLoad(irradiance, cell, 0).rgb;
+        // surface; those of the sky, and those whose light is not known yet, have weight 0.
+        let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0 && received.a != 0.0);
+        sum += weight * received.rgb;
         weights += weight;
     }
     return sum / max(weights, 1e-12);

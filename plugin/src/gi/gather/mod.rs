@@ -33,6 +33,7 @@ pub(super) struct GatherPlugin;
 impl Plugin for GatherPlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "settings.wgsl");
+        load_shader_library!(app, "irradiance.wgsl");
         embedded_asset!(app, "gather.wgsl");
     }
 
@@ -188,7 +189,7 @@ pub(super) fn gather(
     mut context: RenderContext,
 ) {
     let (view, vpl, gather, prepass, view_offset, sky) = view.into_inner();
-    if !view.work.gather {
+    if !view.work.gather || view.gi.caches() {
         return;
     }
     let sky = sky.filter(|_| view.sky_samples > 0);

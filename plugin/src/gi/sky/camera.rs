@@ -191,8 +191,8 @@ pub(super) fn prepare_sequences(
     mut cameras: Query<(&GiView, &mut SkyCamera)>,
 ) {
     for (view, mut sky) in &mut cameras {
-        if view.work.sample && sky.sequence != view.work.rested {
-            sky.sequence = view.work.rested;
+        if view.work.sample && sky.sequence != view.sequence {
+            sky.sequence = view.sequence;
             let plan = SkyPlan { sequence: sky.sequence, ..sky.plan };
             queue.write_buffer(&sky.plan_buffer, 0, bytemuck::bytes_of(&plan));
         }

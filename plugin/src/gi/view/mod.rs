@@ -69,6 +69,12 @@ pub(super) struct GiView {
     /// Samples of the sky that each low-resolution pixel evaluates.
     pub sky_samples: u32,
     pub work: Work,
+    /// Which samples of VPLs and of the sky are taken.
+    pub sequence: u32,
+    /// Whether what was gathered before is no longer valid.
+    pub is_new: bool,
+    /// Whether its sky, or settings that say what lights it, changed.
+    pub relit: bool,
     /// What its history does in this frame.
     pub history: HistoryAction,
 }

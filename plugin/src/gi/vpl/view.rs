@@ -68,7 +68,7 @@ pub(super) fn prepare(
             commands.entity(entity).insert(VplView::new(&device, plan, view));
             continue;
         };
-        let sequence = if view.work.sample { view.work.rested } else { held.plan.sequence };
+        let sequence = if view.work.sample { view.sequence } else { held.plan.sequence };
         let plan = VplPlan { sequence, ..plan };
         if (VplPlan { sequence, ..held.plan }) != plan {
             (held.plan_buffer, held.vpls) = plan_buffers(&device, &plan);

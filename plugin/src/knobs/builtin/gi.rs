@@ -55,21 +55,29 @@ pub(super) fn interleave() -> FieldKnob {
 }
 
 /// Visibility rays between surfaces and VPLs. Higher levels reduce noise in indirect shadows and
-/// trace more rays.
+/// trace more rays. At `cached` pixels share rays in space and time.
 pub(super) fn visibility() -> FieldKnob {
-    let levels = GiVisibility::ALL
-        .map(|level| (f64::from(level.rays()), format!("{level:?}").to_lowercase()));
+    let levels =
+        GiVisibility::ALL.map(|level| (rays_of(level), format!("{level:?}").to_lowercase()));
     FieldKnob::new(
         Knob::labelled("gi_visibility", levels).needing("gi_vpl_count", 1),
         KnobField::new(
             |gi: &mut FrugalGi| &mut gi.visibility,
             |level, _| {
                 let mut all = GiVisibility::ALL.into_iter();
-                let found = all.find(|visibility| f64::from(visibility.rays()) >= level.value);
+                let found = all.find(|visibility| rays_of(*visibility) >= level.value);
                 found.unwrap_or(GiVisibility::Fine)
             },
         ),
     )
+}
+
+/// Rays of a low-resolution pixel; shared ones count for one.
+fn rays_of(level: GiVisibility) -> f64 {
+    match level {
+        GiVisibility::Cached => 1.0,
+        level => f64::from(level.rays()),
+    }
 }
 
 /// Environment-map samples per gathered pixel, where the camera has an environment map. Higher

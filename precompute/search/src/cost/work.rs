@@ -30,8 +30,17 @@ impl FrameLayout {
 pub const POINT_LIGHT_MAPS: u32 = 6;
 /// The plugin's limit of VPLs for a pixel.
 pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
-/// Rays of a low-resolution pixel at the plugin's levels of visibility: to VPLs, and to the sky.
-pub const VISIBILITY_RAYS: [[u32; 2]; 3] = [[0, 0], [2, 2], [8, 8]];
+/// Rays of a low-resolution pixel at the plugin's levels of visibility: to VPLs, and to the sky. At the
+/// second, places of the image have them, whose number is limited.
+pub const VISIBILITY_RAYS: [[u32; 2]; 4] = [[0, 0], [2, 2], [2, 2], [8, 8]];
+/// Values of the knob at these levels.
+const VISIBILITY_VALUES: [f64; 4] = [0.0, CACHED, 2.0, 8.0];
+/// That of the second.
+const CACHED: f64 = 1.0;
+/// Most places that are lit in a frame at that level.
+const MAX_CACHE_SAMPLES: f64 = 4096.0;
+/// Least pixels for each of them.
+const PIXELS_OF_SAMPLE: f64 = 64.0;
 
 /// Texels along the edge of each map of a point light, as the plugin renders it (its `gi/rsm/lights.rs`).
 fn face_resolution(resolution: f64) -> f64 {
@@ -134,15 +143,18 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
     if vpls == 0.0 {
         return [0.0; 10];
     }
-    let gathered = pixels * value("gi_pixel_fraction", 1.0);
+    let shown = pixels * value("gi_pixel_fraction", 1.0);
     let side = value("gi_interleave", 2.0);
     let per_set = (vpls / (side * side)).ceil().clamp(1.0, f64::from(MAX_VPLS_PER_PIXEL));
-    let rays = value("gi_visibility", 8.0);
-    let level = VISIBILITY_RAYS.iter().find(|[vpls, _]| f64::from(*vpls) >= rays);
-    let [_, sky_rays] = level.unwrap_or(&VISIBILITY_RAYS[2]);
+    let visibility = value("gi_visibility", 8.0);
+    let level = VISIBILITY_VALUES.iter().position(|value| *value >= visibility).unwrap_or(3);
+    let [rays, sky_rays] = VISIBILITY_RAYS[level].map(f64::from);
+    let is_cached = visibility == CACHED;
+    let gathered =
+        if is_cached { (pixels / PIXELS_OF_SAMPLE).min(MAX_CACHE_SAMPLES) } else { shown };
     let sky =
         if layout.has_sky && rays > 0.0 { value("gi_environment_samples", 32.0) } else { 0.0 };
-    let traced = rays.min(per_set) + f64::from(*sky_rays).min(sky);
+    let traced = rays.min(per_set) + sky_rays.min(sky);
     let resolution = value("rsm_resolution", 256.0);
     let (maps, texels) = layout.maps(resolution);
     // Maps are rendered in one frame per period.
@@ -151,10 +163,10 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
     let taps = (radius + 1.0).powi(2) + if rays > 0.0 { 25.0 } else { 0.0 };
     [
         1.0,
-        gathered,
+        shown,
         gathered * (per_set + sky),
         gathered * traced,
-        gathered * taps,
+        if is_cached { 0.0 } else { shown * taps },
         per_set * side * side,
         texels,
         texels * rendered,

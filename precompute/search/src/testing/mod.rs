@@ -42,8 +42,11 @@ fn plugin_knobs() -> Vec<Knob> {
         .needing("gi_vpl_count", 1),
         Knob::labelled("gi_interleave", [(8.0, "8x8"), (4.0, "4x4"), (2.0, "2x2")])
             .needing("gi_vpl_count", 1),
-        Knob::labelled("gi_visibility", [(0.0, "none"), (2.0, "coarse"), (8.0, "fine")])
-            .needing("gi_vpl_count", 1),
+        Knob::labelled(
+            "gi_visibility",
+            [(0.0, "none"), (1.0, "cached"), (2.0, "coarse"), (8.0, "fine")],
+        )
+        .needing("gi_vpl_count", 1),
         Knob::new("gi_environment_samples", [0.0, 8.0, 16.0, 32.0]).needing("gi_visibility", 1),
         Knob::new("gi_bounces", [1.0, 2.0, 3.0]).needing("gi_visibility", 1),
         Knob::new("rsm_resolution", [64.0, 128.0, 256.0]).needing("gi_vpl_count", 1),
