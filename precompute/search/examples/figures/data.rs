@@ -221,15 +221,7 @@ pub(crate) struct NaiveRow {
 #[derive(Deserialize)]
 pub(crate) struct Stability {
     pub(crate) made: Made,
-    pub(crate) best_to_naive: Moves,
     pub(crate) rows: Vec<StabilityRow>,
-}
-
-/// Under a moving sun and a moving camera.
-#[derive(Deserialize)]
-pub(crate) struct Moves {
-    pub(crate) sun: f64,
-    pub(crate) camera: f64,
 }
 
 /// A method.

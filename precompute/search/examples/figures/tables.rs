@@ -43,12 +43,6 @@ fn number(value: f64) -> String {
     value.to_string()
 }
 
-/// Scenes with their paths.
-fn listed(paths: &[(String, String)]) -> String {
-    let paths: Vec<String> = paths.iter().map(|(scene, path)| format!("{scene} {path}")).collect();
-    paths.join(", ")
-}
-
 /// The README's table.
 fn summary(data: &Data) -> String {
     let paths = paths(data);
@@ -67,7 +61,6 @@ fn summary(data: &Data) -> String {
     let saved = saved.and_then(|row| row.saved.zip(row.saved_interval)).unwrap_or_default();
     let ratio = Spread::of(data.accuracy.rows.iter().map(|row| row.indirect_ratio));
     let factor = Spread::of(data.naive.cheaper_by.iter().take(2).map(|row| row.low));
-    let moves = &data.stability.best_to_naive;
     let part = |start: &str| {
         let row = data.cost.rows.iter().find(|row| row.part.starts_with(start));
         row.map_or(String::new(), |row| {
@@ -78,27 +71,23 @@ fn summary(data: &Data) -> String {
     let rows = [
         [
             format!(
-                "error {} of that with one frontier for all views, and {} of that of two constant settings in \
-                 turns, tuned on the path, at equal mean power",
-                decimals(shared),
-                decimals(turns)
-            ),
-            format!(
-                "medians of the budgets from 30 to 90 % of the range; counted work; paths: {}",
-                listed(&paths)
-            ),
-        ],
-        [
-            format!(
-                "error {} of that of the best single settings within the same power budget, which use {} of it",
+                "error ÷ that of one constant: {}, which uses {} of the budget",
                 decimals(trained),
                 percents(constant)
             ),
-            "the same; settings by the training cameras".into(),
+            format!(
+                "same power budget, medians of 30 to 90 %; counted work; {} paths",
+                paths.len()
+            ),
         ],
         [
+            format!("÷ that of two constants in turns, tuned on the path: {}", decimals(turns)),
+            "the same".into(),
+        ],
+        [format!("÷ that of one frontier for all views: {}", decimals(shared)), "the same".into()],
+        [
             format!(
-                "{} of the power budget used; {} of the windows of 30 s over it by 2 %",
+                "{} of the budget used; {} of the windows of 30 s over it by 2 %",
                 percents(ours),
                 if over.high > 0.0 {
                     format!("at most {:.1} %", 100.0 * over.high)
@@ -132,17 +121,6 @@ fn summary(data: &Data) -> String {
                 span(&number(factor.low), &number(factor.high))
             ),
             "`courtyard`, moving camera".into(),
-        ],
-        [
-            format!("{} of that method's temporal error under a moving sun", number(moves.sun)),
-            format!("`courtyard`, best settings; {} under a moving camera", number(moves.camera)),
-        ],
-        [
-            format!(
-                "{} for a decision of the controller for one camera",
-                part("controller, one camera")
-            ),
-            "median, map of 15 leaves".into(),
         ],
         [
             format!(
