@@ -67,7 +67,7 @@ fn parse(view: &str) -> (SceneDescription, f32) {
     let seconds = seconds.parse().unwrap_or_else(|error| panic!("{view}: {error}"));
     let scene = match name.ends_with(".ron") {
         true => {
-            scene::load(&PathBuf::from(name)).unwrap_or_else(|error| panic!("{error}")).description
+            scene::load(PathBuf::from(name)).unwrap_or_else(|error| panic!("{error}")).description
         }
         false => set::scene(name),
     };

@@ -191,17 +191,15 @@ pub(super) fn prepare(
             Some(_) if !view.gi.caches() => {
                 commands.entity(entity).remove::<CacheView>();
             }
-            Some(mut cache) => {
-                if view.work.gather {
-                    cache.advance(view, &frame, shift, &device, &queue);
-                }
+            Some(mut cache) if view.work.gather => {
+                cache.advance(view, &frame, shift, &device, &queue);
             }
             None if view.gi.caches() => {
                 let mut cache = CacheView::new(&device, view);
                 cache.advance(view, &frame, None, &device, &queue);
                 commands.entity(entity).insert(cache);
             }
-            None => {}
+            _ => {}
         }
     }
 }

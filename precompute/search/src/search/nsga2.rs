@@ -1,18 +1,20 @@
 //! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002, "A fast and elitist multiobjective genetic
 //! algorithm: NSGA-II", section III-C).
 //!
-//! Differences from the paper: settings are evaluated once, and the frontier is taken from everything
-//! evaluated and not from the last population. A space that is small enough is enumerated.
+//! Differences from the paper: known offspring are replaced by unseen ones; the frontier is taken from
+//! everything evaluated and not from the last population; and the last third of the evaluations is
+//! infill of the frontier. A space that is small enough is enumerated.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use frugal_core::frontier::{CostPoint, Frontier, FrontierPoint};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::infill;
 use super::ranking::{fitness, survivors};
-use super::variation::{mutate, random_settings, swap_levels};
+use super::variation::{mutate, mutate_one, random_settings, swap_levels};
 
 /// Evaluations of a search.
 const EVALUATIONS: usize = 4000;
@@ -22,11 +24,14 @@ const POPULATION: usize = 48;
 const INHERITED: (usize, usize) = (1, 2);
 /// Probability of crossover in addition to mutation (Deb et al. 2002, section V).
 const CROSSOVER: f64 = 0.9;
+/// Share of the evaluations for infill.
+const INFILL: f64 = 0.35;
 /// Greatest number of combinations that is counted exactly, without inactive knobs: far more than
 /// is ever enumerated.
 const COUNTABLE: u64 = 1 << 22;
-/// Generations in succession without unseen settings after which the search ends.
-const STALE: usize = 20;
+/// Attempts at mutating a known offspring into an unseen one before sampling others, and attempts
+/// at sampling one.
+const TRIES: usize = 16;
 
 /// A search of a knob space.
 #[derive(Clone, Copy, Debug)]
@@ -47,11 +52,14 @@ impl Search<'_> {
     ) -> Frontier {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&self.seed.to_le_bytes());
+        let combinations = combinations(self.space);
         let mut run = Run {
             space: self.space,
             cost,
             known: BTreeMap::new(),
             random: ChaCha8Rng::from_seed(key),
+            combinations,
+            limit: usize::try_from(combinations).unwrap_or(usize::MAX).min(EVALUATIONS),
         };
         run.explore(inherit);
         Frontier::from_points(run.points())
@@ -84,64 +92,132 @@ struct Run<'a> {
     /// Everything evaluated, by canonical settings. Sorted, so that iteration is deterministic.
     known: BTreeMap<KnobLevels, CostPoint>,
     random: ChaCha8Rng,
+    combinations: u64,
+    limit: usize,
 }
 
 impl Run<'_> {
     fn explore(&mut self, inherit: &[KnobLevels]) {
         self.evaluate(self.space.highest());
         self.evaluate(self.space.lowest());
-        if combinations(self.space) <= EVALUATIONS as u64 {
+        for settings in spread(self.space, inherit, self.limit * INHERITED.0 / INHERITED.1) {
+            self.evaluate(settings);
+        }
+        if self.combinations <= self.limit as u64 {
             for settings in self.space.iter() {
                 self.evaluate(settings);
             }
-            return;
-        }
-        for settings in spread(self.space, inherit, EVALUATIONS * INHERITED.0 / INHERITED.1) {
-            self.evaluate(settings);
-        }
-        // Random settings keep the population diverse.
-        for _ in self.known.len()..POPULATION {
-            let settings = random_settings(self.space, &mut self.random);
-            self.evaluate(settings);
-        }
-        let mut population = survivors(self.points(), POPULATION);
-        let mut stale = 0;
-        while self.known.len() < EVALUATIONS && stale < STALE {
-            let before = self.known.len();
-            for settings in self.offspring(&population) {
-                population.extend(self.evaluate(settings));
-            }
-            population = survivors(population, POPULATION);
-            stale = if self.known.len() == before { stale + 1 } else { 0 };
+        } else {
+            self.evolve();
+            self.infill();
         }
     }
 
-    /// A generation by binary tournaments, crossover and mutation.
-    fn offspring(&mut self, population: &[FrontierPoint]) -> Vec<KnobLevels> {
-        let (space, random) = (self.space, &mut self.random);
-        if population.is_empty() {
-            // No finite cost so far.
-            return (0..POPULATION).map(|_| random_settings(space, random)).collect();
+    fn evolve(&mut self) {
+        let until = self.limit - (self.limit as f64 * INFILL) as usize;
+        let mut population = survivors(self.points(), POPULATION);
+        // Random settings keep the population diverse.
+        while population.len() < POPULATION && self.known.len() < until {
+            let random = random_settings(self.space, &mut self.random);
+            let Some(settings) = self.unseen(random, &HashSet::new()) else { break };
+            population.extend(self.evaluate(settings));
         }
+        while self.known.len() < until {
+            let offspring = self.offspring(&population, POPULATION.min(until - self.known.len()));
+            if offspring.is_empty() {
+                return;
+            }
+            for settings in offspring {
+                population.extend(self.evaluate(settings));
+            }
+            population = survivors(population, POPULATION);
+        }
+    }
+
+    fn infill(&mut self) {
+        while self.known.len() < self.limit {
+            let frontier = Frontier::from_points(self.points());
+            let known = &self.known;
+            let proposed = infill::propose(self.space, &frontier, &mut self.random, |settings| {
+                known.contains_key(&settings)
+            });
+            let settings = proposed.or_else(|| {
+                let random = random_settings(self.space, &mut self.random);
+                self.unseen(random, &HashSet::new())
+            });
+            let Some(settings) = settings else { return };
+            self.evaluate(settings);
+        }
+    }
+
+    /// `count` unseen settings, or fewer if there are no more, by binary tournaments, crossover and
+    /// mutation.
+    fn offspring(&mut self, population: &[FrontierPoint], count: usize) -> Vec<KnobLevels> {
+        let space = self.space;
         // One knob of each on average (Deb et al. 2002).
         let probability = 1.0 / space.len().max(1) as f64;
         let fitness = fitness(population);
+        let random = &mut self.random;
         let tournament = |random: &mut ChaCha8Rng| {
             let [a, b] = [0; 2].map(|_| random.random_range(0..population.len()));
             let winner = if fitness[b].compare(fitness[a]).is_lt() { b } else { a };
             population[winner].settings
         };
-        let mut offspring = Vec::new();
-        while offspring.len() < POPULATION {
+        let mut candidates = Vec::new();
+        while candidates.len() < count {
+            if population.is_empty() {
+                // No finite cost so far: samples at random.
+                candidates.push(random_settings(space, random));
+                continue;
+            }
             let parents = [0; 2].map(|_| tournament(random));
             let children = if random.random_bool(CROSSOVER) {
                 swap_levels(space, parents, random)
             } else {
                 parents
             };
-            offspring.extend(children.map(|child| mutate(space, child, probability, random)));
+            candidates.extend(children.map(|child| mutate(space, child, probability, random)));
+        }
+        candidates.truncate(count);
+        let mut planned = HashSet::new();
+        let mut offspring = Vec::new();
+        for settings in candidates {
+            let Some(settings) = self.unseen(settings, &planned) else { break };
+            planned.insert(settings);
+            offspring.push(settings);
         }
         offspring
+    }
+
+    /// `settings`, or else settings near them, or else any, that are neither known nor `planned`.
+    /// `None` if there are no more.
+    fn unseen(
+        &mut self,
+        settings: KnobLevels,
+        planned: &HashSet<KnobLevels>,
+    ) -> Option<KnobLevels> {
+        let space = self.space;
+        let (known, random) = (&self.known, &mut self.random);
+        let new =
+            |settings: KnobLevels| !known.contains_key(&settings) && !planned.contains(&settings);
+        if (known.len() + planned.len()) as u64 >= self.combinations {
+            return None;
+        }
+        let mut candidate = space.canonical(settings);
+        for _ in 0..TRIES {
+            if new(candidate) {
+                return Some(candidate);
+            }
+            candidate = space.canonical(mutate_one(space, candidate, random));
+        }
+        for _ in 0..TRIES {
+            candidate = space.canonical(random_settings(space, random));
+            if new(candidate) {
+                return Some(candidate);
+            }
+        }
+        // Almost everything is known, so the scan ends soon after the known settings.
+        space.iter().find(|settings| new(*settings))
     }
 
     fn points(&self) -> Vec<FrontierPoint> {
@@ -149,15 +225,19 @@ impl Run<'_> {
         finite.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost }).collect()
     }
 
-    /// The point of `settings`. `None` where they are known, where their cost is not finite, and where
-    /// all evaluations are spent.
+    /// The point of `settings`, evaluated unless known. `None` where its cost is not finite, or all
+    /// evaluations are spent.
     fn evaluate(&mut self, settings: KnobLevels) -> Option<FrontierPoint> {
         let settings = self.space.canonical(settings);
-        if self.known.len() >= EVALUATIONS || self.known.contains_key(&settings) {
-            return None;
-        }
-        let cost = (self.cost)(settings);
-        self.known.insert(settings, cost);
+        let cost = match self.known.get(&settings) {
+            Some(cost) => *cost,
+            None if self.known.len() >= self.limit => return None,
+            None => {
+                let cost = (self.cost)(settings);
+                self.known.insert(settings, cost);
+                cost
+            }
+        };
         cost.is_finite().then_some(FrontierPoint { settings, cost })
     }
 }

@@ -43,6 +43,22 @@ pub(super) fn mutate(
     })
 }
 
+/// `settings` with one knob changed; unchanged only if no knob has two levels.
+pub(super) fn mutate_one(
+    space: &KnobSpace,
+    settings: KnobLevels,
+    random: &mut impl Rng,
+) -> KnobLevels {
+    let movable = || (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
+    let count = movable().count();
+    if count == 0 {
+        return settings;
+    }
+    movable()
+        .nth(random.random_range(0..count))
+        .map_or(settings, |knob| change(space, settings, knob, random))
+}
+
 /// Uniformly sampled levels.
 pub(crate) fn random_settings(space: &KnobSpace, random: &mut impl Rng) -> KnobLevels {
     space.from_levels(|_, knob| random.random_range(0..knob.levels.len()))
@@ -89,17 +105,20 @@ mod tests {
     }
 
     #[test]
-    fn changes_are_mostly_by_one_level_and_sometimes_jumps() {
+    fn one_mutation_changes_one_knob_and_mostly_by_one_level() {
         let space = space();
         let mut random = ChaCha8Rng::seed_from_u64(2);
         let (mut settings, mut steps, mut jumps) = (space.preset(0.5), 0, 0);
         for _ in 0..2000 {
-            let changed = mutate(&space, settings, 0.5, &mut random);
+            let changed = mutate_one(&space, settings, &mut random);
             assert!(space.contains(changed));
-            match changed.level(2).abs_diff(settings.level(2)) {
-                0 => {}
-                1 => steps += 1,
-                _ => jumps += 1,
+            let moved: Vec<_> =
+                (0..3).map(|knob| changed.level(knob).abs_diff(settings.level(knob))).collect();
+            assert_eq!(moved.iter().filter(|levels| **levels > 0).count(), 1, "{moved:?}");
+            if moved[2] == 1 {
+                steps += 1;
+            } else if moved[2] > 1 {
+                jumps += 1;
             }
             settings = changed;
         }
@@ -116,6 +135,8 @@ mod tests {
             assert!(all.level(0) == 0 && all.level(1) == 1 && all.level(2) > 0);
             assert!(space.contains(random_settings(&space, &mut random)));
         }
+        let fixed = KnobSpace::new(vec![Knob::new("a", [0.0])]).expect("a valid space");
+        assert_eq!(mutate_one(&fixed, fixed.lowest(), &mut random), fixed.lowest());
     }
 
     #[test]
