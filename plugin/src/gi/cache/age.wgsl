@@ -8,9 +8,6 @@
 const FORGOTTEN: u32 = 1024u;
 /// Samples of a cell at which older ones begin to count less.
 const MOST: u32 = 4096u * SAMPLE;
-/// Samples that count in the first frame of a change. Higher values: less noise where light did not change,
-/// and longer lag where it did.
-const FADING: u32 = 32u * SAMPLE;
 /// While something changes, a cell forgets once in so many frames what its anchor sees.
 const LINKS_PERIOD: u32 = 16u;
 
@@ -25,9 +22,8 @@ fn age_cells(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let old = vec4(atomicLoad(&cells[slot].red), atomicLoad(&cells[slot].green), atomicLoad(&cells[slot].blue), atomicLoad(&cells[slot].count));
-    // Three quarters, of few samples.
-    let fewer = min(f32(FADING) / f32(max(old.a, 1u)), 1.0) * 0.75;
-    let faded = select(select(old, old / 2u, old.a > MOST), vec4<u32>(vec4<f32>(old) * fewer), settings.fades > 0u);
+    // Three quarters.
+    let faded = select(select(old, old / 2u, old.a > MOST), old - (old + 3u) / 4u, settings.fades > 0u);
     // What is left of less than a sixteenth of a sample is no light.
     let is_dropped = settings.frame - atomicLoad(&cells[slot].seen) > FORGOTTEN;
     let kept = select(faded, vec4(0u), is_dropped || faded.a < SAMPLE / 16u);
