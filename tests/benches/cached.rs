@@ -134,7 +134,7 @@ fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Ve
         set::make_lambertian(&mut stage);
         frame(&mut stage, &scene, seconds);
         stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
-        let mut most = [0; 3];
+        let mut most = [0; 2];
         let rays = set::gathered(&stage).rays;
         let mut errors = Vec::new();
         let mut ratio = 0.0;
@@ -144,22 +144,15 @@ fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Ve
                 let [seeking, lit] = frame(&mut stage, &scene, seconds + step * left as f32);
                 let light = lit * 2;
                 if seeking + light > most[0] {
-                    most = [seeking + light, light, left];
+                    most = [seeking + light, light];
                 }
             }
             let shown = stage.radiance().unwrap_or_else(|error| panic!("{error}"));
-            if let Ok(folder) = std::env::var("FRUGAL_PICTURES") {
-                let plain: String =
-                    format!("{view}-{settings}-{frames}-{step:.2}").replace(['/', '@', ' '], "_");
-                let file = PathBuf::from(folder).join(format!("{plain}.exr"));
-                let bytes = shown.to_exr().unwrap_or_else(|error| panic!("{error}"));
-                std::fs::write(file, bytes).unwrap_or_else(|error| panic!("{error}"));
-            }
             let found = Difference::new(&shown, &truth, None).expect("images of one size");
             errors.push(found.relative_l1_boxes);
             ratio = found.mean_ratio;
         }
-        let [total, light, _] = most;
+        let [total, light] = most;
         let (total, light) = if total == 0 {
             (rays.to_string(), String::new())
         } else {

@@ -12,9 +12,9 @@ use frugal_core::control::{
 use frugal_core::frontier::{CameraView, CostPoint, FrontierMap};
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
-use frugal_search::evaluate::{Choice, Policy, Pose, RecordFile, read_records};
+use frugal_search::evaluate::{Choice, Policy, Pose, read_records};
 use serde::Serialize;
-use shared::{Arguments, lines, made, rounded};
+use shared::{Arguments, lines, rounded, write};
 
 /// Metered watts of the device for each watt of the map.
 const HUNGRIER: f64 = 1.4;
@@ -154,10 +154,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     if let Some(file) = arguments.json {
-        let records: Vec<&RecordFile> = records.iter().map(|(record, _)| record).collect();
-        let made = serde_json::to_string(&made(&records))?;
-        let rows = lines(&rows)?;
-        std::fs::write(file, format!("{{\n  \"made\": {made},\n  \"rows\": {rows}\n}}\n"))?;
+        write(&file, &records, &[("rows", lines(&rows)?)])?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use frugal_search::evaluate::{
     read_records,
 };
 use serde::Serialize;
-use shared::{Arguments, lines, made, rounded};
+use shared::{Arguments, lines, rounded, write};
 
 const SHARES: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 const ERRORS: [f64; 5] = [0.006, 0.01, 0.018, 0.03, 0.05];
@@ -69,13 +69,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         print(record, map, &mut powers, &mut errors)?;
     }
     if let Some(file) = arguments.json {
-        let records: Vec<&RecordFile> = records.iter().map(|(record, _)| record).collect();
-        let made = serde_json::to_string(&made(&records))?;
-        let (powers, errors) = (lines(&powers)?, lines(&errors)?);
-        let text = format!(
-            "{{\n  \"made\": {made},\n  \"power_budgets\": {powers},\n  \"error_budgets\": {errors}\n}}\n"
-        );
-        std::fs::write(file, text)?;
+        let tables = [("power_budgets", lines(&powers)?), ("error_budgets", lines(&errors)?)];
+        write(&file, &records, &tables)?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! What the examples that play records have in common: their command line, and their table as JSON.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use frugal_search::evaluate::{Made, RecordFile};
 use serde::Serialize;
@@ -37,10 +37,23 @@ pub(crate) fn rounded(value: f64, decimals: i32) -> f64 {
     (value * scale).round() / scale
 }
 
-/// How a table that is played on `records` was made.
-pub(crate) fn made(records: &[&RecordFile]) -> Made {
+/// Writes tables that were played on `records`: how they were made, then each under its name.
+pub(crate) fn write<Map>(
+    file: &Path,
+    records: &[(RecordFile, Map)],
+    tables: &[(&str, String)],
+) -> Result<(), Box<dyn std::error::Error>> {
+    let mut text = format!("{{\n  \"made\": {}", serde_json::to_string(&made(records))?);
+    for (name, rows) in tables {
+        text.push_str(&format!(",\n  \"{name}\": {rows}"));
+    }
+    Ok(std::fs::write(file, text + "\n}\n")?)
+}
+
+fn made<Map>(records: &[(RecordFile, Map)]) -> Made {
     let all = |of: fn(&Made) -> &String| {
-        let mut all: Vec<&str> = records.iter().map(|record| of(&record.made).as_str()).collect();
+        let made = records.iter().map(|(record, _)| of(&record.made).as_str());
+        let mut all: Vec<&str> = made.collect();
         all.dedup();
         all.join("; ")
     };

@@ -32,31 +32,10 @@ fn references_are_traced_and_compared_without_an_adapter() {
         run(&[&["reference", "a.scene.ron", "--lambertian", "--spp", "16"][..], &AT, rest].concat())
     };
     trace(&["--size", "32x18", "--component", "direct", "--hdr", "direct.exr"]);
-    trace(&[
-        "--size",
-        "32x18",
-        "--component",
-        "indirect",
-        "--bounces",
-        "1",
-        "--hdr",
-        "once.exr",
-        "-o",
-        "once.png",
-    ]);
+    let once = ["--size", "32x18", "--component", "indirect", "--bounces", "1"];
+    trace(&[&once[..], &["--hdr", "once.exr", "-o", "once.png"]].concat());
     trace(&["--size", "16x16", "--hdr", "small.exr"]);
-    trace(&[
-        "--size",
-        "32x18",
-        "--component",
-        "indirect",
-        "--bounces",
-        "1",
-        "--guide",
-        "photons",
-        "--hdr",
-        "guided.exr",
-    ]);
+    trace(&[&once[..], &["--guide", "photons", "--hdr", "guided.exr"]].concat());
     // The furnace's walls reflect 80 %: the first bounce is 80 % of the direct light, guided or not.
     for image in ["once.exr", "guided.exr"] {
         run(&["compare", image, "direct.exr", "--json", "difference.json"]);
