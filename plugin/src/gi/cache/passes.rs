@@ -220,15 +220,17 @@ pub(in crate::gi) fn resolve(
             (5, settings.clone()),
         )),
     );
-    let with_table = DynamicBindGroupEntries::sequential((
-        camera.g_buffer,
-        camera.depth,
-        camera.views.clone(),
-        keys.clone(),
-        cells.clone(),
-        settings.clone(),
-    ));
-    let placing = with_table.extend_with_indices(((6, &cache.records.default_view),));
+    let with_table = || {
+        DynamicBindGroupEntries::sequential((
+            camera.g_buffer,
+            camera.depth,
+            camera.views.clone(),
+            keys.clone(),
+            cells.clone(),
+            settings.clone(),
+        ))
+    };
+    let placing = with_table().extend_with_indices(((6, &cache.records.default_view),));
     let placing = kernels.place.bind(&context, &pipelines, &placing);
     let lighting = DynamicBindGroupEntries::sequential((
         camera.g_buffer,
@@ -247,26 +249,10 @@ pub(in crate::gi) fn resolve(
         None => lighting,
     };
     let lighting = kernels.light[usize::from(sky.is_some())].bind(&context, &pipelines, &lighting);
-    let storing = BindGroupEntries::sequential((
-        camera.g_buffer,
-        camera.depth,
-        camera.views.clone(),
-        keys.clone(),
-        cells.clone(),
-        settings.clone(),
-        &cache.records.default_view,
-        &cache.light.default_view,
-    ));
+    let storing =
+        with_table().extend_sequential((&cache.records.default_view, &cache.light.default_view));
     let storing = kernels.store.bind(&context, &pipelines, &storing);
-    let resolving = BindGroupEntries::sequential((
-        camera.g_buffer,
-        camera.depth,
-        camera.views,
-        keys,
-        cells,
-        settings,
-        &gather.irradiance.default_view,
-    ));
+    let resolving = with_table().extend_with_indices(((6, &gather.irradiance.default_view),));
     let resolving = kernels.resolve.bind(&context, &pipelines, &resolving);
     let clears = [(&cache.keys, 0, None), (&cache.cells, 0, None)];
     let clears = if cache.begins { &clears[..] } else { &[] };
