@@ -10,6 +10,7 @@
 //! | [`light`] | punctual lights, emissive triangles, the environment |
 //! | [`bsdf`] | the surface at a hit, and its reflection model |
 //! | `guide` | places from which much light comes, learned from photons |
+//! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | [`metrics`] | images, and differences between two |
 //!
@@ -21,6 +22,8 @@ mod color;
 mod guide;
 pub mod integrator;
 pub mod light;
+#[cfg(feature = "media")]
+pub mod media;
 pub mod metrics;
 mod sampler;
 pub mod scene;

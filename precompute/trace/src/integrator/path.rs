@@ -10,9 +10,9 @@ use crate::guide::Field;
 use crate::sampler::Sampler;
 
 /// Hits before Russian roulette begins, for paths of unlimited length.
-const CERTAIN_SURFACES: u32 = 4;
+pub(super) const CERTAIN_SURFACES: u32 = 4;
 /// Greatest survival probability: even where nothing is absorbed, a path ends.
-const GREATEST_SURVIVAL: f64 = 0.95;
+pub(super) const GREATEST_SURVIVAL: f64 = 0.95;
 
 /// One estimate of the radiance along a camera ray, nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,12 +37,12 @@ impl Estimate {
     }
 
     /// Adds light that `surfaces` surfaces scattered.
-    fn add(&mut self, surfaces: u32, light: DVec3) {
+    pub(super) fn add(&mut self, surfaces: u32, light: DVec3) {
         if surfaces <= 1 { self.direct += light } else { self.indirect += light }
     }
 
     /// The same for light of emissive surfaces and of the sky.
-    fn add_extended(&mut self, surfaces: u32, light: DVec3) {
+    pub(super) fn add_extended(&mut self, surfaces: u32, light: DVec3) {
         self.add(surfaces, light);
         if surfaces == 1 {
             self.extended += light;
@@ -59,6 +59,10 @@ pub(super) fn trace(
     mut direction: DVec3,
     sampler: &mut Sampler,
 ) -> Estimate {
+    #[cfg(feature = "media")]
+    if let Some(fog) = &scene.fog {
+        return super::media::trace(scene, fog, settings, origin, direction, sampler);
+    }
     let mut estimate = Estimate::default();
     let mut throughput = DVec3::ONE;
     // The throughput that BSDF sampling would have had along the same path: roulette by the real
