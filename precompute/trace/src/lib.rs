@@ -13,6 +13,7 @@
 //! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | [`metrics`] | images, and differences between two |
+//! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
 //! Each module imports only those above it, [`integrator`] also [`metrics`]. `color` and `sampler`
 //! (random numbers) serve all.
@@ -27,3 +28,5 @@ pub mod media;
 pub mod metrics;
 mod sampler;
 pub mod scene;
+#[cfg(feature = "time")]
+pub mod time;

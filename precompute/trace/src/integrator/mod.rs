@@ -29,6 +29,10 @@ mod scene;
 mod settings;
 mod view;
 
+#[cfg(feature = "time")]
+pub(crate) use path::{Arrival, Record};
+#[cfg(feature = "time")]
+pub(crate) use render::render_recorded;
 pub use render::{Rendering, Watch, render};
 pub use scene::ReferenceScene;
 pub use settings::{Guide, Pixels, Settings, Strategy};

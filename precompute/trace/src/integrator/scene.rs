@@ -67,6 +67,15 @@ impl ReferenceScene {
         Ok(Self { fog: Some(fog).filter(|fog| !fog.is_empty()), ..self })
     }
 
+    /// Whether there is fog.
+    #[cfg(feature = "time")]
+    pub(crate) fn has_fog(&self) -> bool {
+        #[cfg(feature = "media")]
+        return self.fog.is_some();
+        #[cfg(not(feature = "media"))]
+        false
+    }
+
     /// Number of triangles that rays can hit.
     pub fn triangle_count(&self) -> usize {
         self.rays.triangle_count()
