@@ -27,7 +27,7 @@ pub(crate) fn slopes(seed: u64) -> Vec<(&'static str, f64)> {
         frames,
         at_surfaces: false,
     };
-    let (wide, watch) = (1.5 / SPEED_OF_LIGHT, Watch::default());
+    let (wide, watch) = (0.7 / SPEED_OF_LIGHT, Watch::default());
     let truth = {
         let spread = Spread::Kernel(0.12 / SPEED_OF_LIGHT);
         let settings = settings(1 << 16, 999);
