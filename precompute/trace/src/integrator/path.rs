@@ -52,7 +52,6 @@ impl Estimate {
 
 /// Light that one path brings to the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(not(feature = "time"), expect(dead_code, reason = "only time-resolved images read it"))]
 pub(crate) struct Arrival {
     /// Linear RGB, nits, already divided by the density of the path.
     pub(crate) light: DVec3,
