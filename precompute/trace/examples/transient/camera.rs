@@ -6,7 +6,7 @@ use frugal_trace::integrator::{Pixels, ReferenceScene, Settings, View, Watch};
 use frugal_trace::light::{Light, Sky};
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
-use frugal_trace::time::{Lamp, SPEED_OF_LIGHT, Spread, Window, capture, frames, without_bounce};
+use frugal_trace::time::{SPEED_OF_LIGHT, Spread, Window, capture, frames, without_bounce};
 use glam::{DVec2, UVec2, Vec3};
 
 const SIZE: UVec2 = UVec2::new(64, 48);
@@ -60,7 +60,7 @@ fn settings(seed: u64, samples: u32) -> Settings {
 fn sorted_errors(albedo: f32, seed: u64) -> [Vec<f64>; 3] {
     let capture = capture(&corner(albedo), &view(), &settings(seed, 128), 20e6, Watch::default())
         .expect("a frequency");
-    let corrected = without_bounce(&capture, SIZE.x as usize, Lamp { intensity: 1.0 }, 3);
+    let corrected = without_bounce(&capture, SIZE.x as usize, 1.0, 3);
     let errors = |phasors: &[DVec2]| {
         let depths = capture.depths(phasors).into_iter().zip(&capture.distances);
         let mut errors: Vec<f64> = depths.filter_map(|(a, b)| Some((a? - (*b)?).abs())).collect();
@@ -144,7 +144,7 @@ pub(crate) fn pictures(folder: &Path) {
     write("frames.png", sheet.to_png().expect("a picture"));
     let capture = capture(&corner(0.6), &view(), &self::settings(0, 256), 20e6, Watch::default())
         .expect("a frequency");
-    let corrected = without_bounce(&capture, SIZE.x as usize, Lamp { intensity: 1.0 }, 3);
+    let corrected = without_bounce(&capture, SIZE.x as usize, 1.0, 3);
     // Red is too far, blue too near; full colour is 30 cm.
     let errors = [&capture.all, &corrected].map(|phasors| capture.depths(phasors));
     let picture = Picture::from_fn(2 * SIZE.x, SIZE.y, |x, y| {

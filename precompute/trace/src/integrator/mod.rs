@@ -9,9 +9,9 @@
 //! |---|---|
 //! | `settings` | how an image is path-traced |
 //! | `scene` | geometry, lights and ray queries |
-//! | `path` | radiance along one path |
 //! | `view` | a camera's rays |
 //! | `scatter` | directions in which a path goes on, guided or not |
+//! | `lights` | sampling of emissive triangles and of the sky |
 //! | `path` | radiance along one path |
 //! | `media` | light in fog; with the feature `media` |
 //! | `photons` | light along paths from the lights |
@@ -19,6 +19,7 @@
 //! | `render` | a camera's image: sampling of pixels, on all CPU cores |
 
 mod learn;
+mod lights;
 #[cfg(feature = "media")]
 mod media;
 mod path;

@@ -2,10 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
+use super::lights::{Sampled, emitter, per_steradian, sky};
 use super::scatter::Scatter;
 use super::scene::ReferenceScene;
 use super::settings::{Settings, Strategy};
-use crate::bsdf::{Bsdf, Surface, is_cut_out};
+use crate::bsdf::{Bsdf, Surface};
 use crate::guide::Field;
 use crate::sampler::Sampler;
 
@@ -76,21 +77,9 @@ pub(crate) trait Record {
 
 impl Record for () {}
 
-/// Traces a path from `origin`, metres, in `direction`, a unit vector. `field` guides it.
-#[cfg(test)]
+/// Traces a path from `origin`, metres, in `direction`, a unit vector. `field` guides it, and `record`
+/// is told of all light that arrives; in fog it is told nothing.
 pub(super) fn trace(
-    scene: &ReferenceScene,
-    settings: &Settings,
-    field: Option<&Field>,
-    origin: Vec3,
-    direction: DVec3,
-    sampler: &mut Sampler,
-) -> Estimate {
-    trace_recorded(scene, settings, field, origin, direction, sampler, &mut ())
-}
-
-/// The same, and tells `record` of all light that arrives; in fog it is told nothing.
-pub(super) fn trace_recorded(
     scene: &ReferenceScene,
     settings: &Settings,
     field: Option<&Field>,
@@ -214,43 +203,14 @@ fn extended(
     if settings.strategy == Strategy::Scattering {
         return sum;
     }
-    let mut add = |direction: DVec3, distance: f64, radiance: DVec3, density: f64| {
+    let samples = [emitter(scene, origin.as_dvec3(), sampler), sky(scene, sampler)];
+    for Sampled { direction, distance, radiance, density, .. } in samples.into_iter().flatten() {
         let (reflected, other) = scatter.evaluate(direction);
         let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
         if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
             sum += light;
             arrived(light, distance);
         }
-    };
-    if !scene.emitters.is_empty() {
-        let (choice, pair) = (sampler.number(), sampler.pair());
-        if let Some(point) = scene.emitters.sample(choice, pair) {
-            let ray = point.position - origin.as_dvec3();
-            let emitter = Surface::new(&scene.geometry, &point.hit);
-            let density = per_steradian(point.density, ray, emitter.geometric_normal);
-            let shines = ray.dot(emitter.geometric_normal) < 0.0 || emitter.material.double_sided;
-            if shines
-                && density.is_finite()
-                && density > 0.0
-                && !is_cut_out(&scene.geometry, &point.hit)
-            {
-                add(ray.normalize(), ray.length(), emitter.emission, density);
-            }
-        }
-    }
-    if scene.sky.is_lit() {
-        let (choice, pair) = (sampler.number(), sampler.pair());
-        if let Some(sample) = scene.sky.sample(choice, pair).filter(|sample| sample.density > 0.0) {
-            add(sample.direction, f64::INFINITY, sample.radiance, sample.density);
-        }
     }
     sum
-}
-
-/// Converts a density per m² on a surface with `normal` into a density per steradian at the start
-/// of `ray` (metres), which ends on that surface.
-fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
-    let distance_squared = ray.length_squared();
-    per_square_metre * distance_squared * distance_squared.sqrt()
-        / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
 }

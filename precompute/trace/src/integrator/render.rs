@@ -4,7 +4,7 @@ use glam::{DVec3, UVec2};
 use rayon::prelude::*;
 
 use super::learn::learn;
-use super::path::{Record, trace_recorded};
+use super::path::{Record, trace};
 use super::scene::ReferenceScene;
 use super::settings::{Guide, Pixels, Settings};
 use super::view::View;
@@ -142,8 +142,7 @@ fn pixel(
         let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
         let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
         record.begin(origin.as_dvec3().distance(view.pose.position.as_dvec3()));
-        let estimate =
-            trace_recorded(scene, settings, field, origin, direction, &mut sampler, record);
+        let estimate = trace(scene, settings, field, origin, direction, &mut sampler, record);
         let fits = estimate.fits_f32();
         record.end(fits);
         if fits {

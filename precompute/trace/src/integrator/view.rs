@@ -33,8 +33,7 @@ pub struct FirstHit {
 /// The surface at each pixel's centre, row by row; `None` where there is none.
 pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<FirstHit>> {
     let pixel = |index: u32| {
-        let (origin, direction) =
-            view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
+        let (origin, direction) = view.middle_ray(index);
         let surface = Surface::new(&scene.geometry, &scene.closest(origin, direction)?);
         Some(FirstHit { position: surface.position, normal: surface.geometric_normal })
     };
@@ -44,10 +43,12 @@ pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<FirstHit>> {
 impl View {
     /// Unit directions of the rays through the pixels' centres, row by row.
     pub fn rays(&self) -> Vec<DVec3> {
-        let of = |index: u32| {
-            self.ray(f64::from(index % self.size.x) + 0.5, f64::from(index / self.size.x) + 0.5).1
-        };
-        (0..self.size.element_product()).map(of).collect()
+        (0..self.size.element_product()).map(|index| self.middle_ray(index).1).collect()
+    }
+
+    /// The [ray](Self::ray) through the centre of a pixel, counted row by row.
+    fn middle_ray(&self, index: u32) -> (Vec3, DVec3) {
+        self.ray(f64::from(index % self.size.x) + 0.5, f64::from(index / self.size.x) + 0.5)
     }
 
     /// Origin (on the near plane) and unit direction of the ray through a point of the image, in

@@ -10,9 +10,7 @@ mod emitters;
 mod punctual;
 mod sky;
 
-#[cfg(feature = "media")]
-pub(crate) use emitters::EmitterPoint;
-pub(crate) use emitters::Emitters;
+pub(crate) use emitters::{EmitterPoint, Emitters};
 pub use punctual::Light;
 pub(crate) use punctual::{IncidentLight, PunctualLight};
 pub use sky::{MappedSky, Sky};

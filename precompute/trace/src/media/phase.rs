@@ -1,8 +1,10 @@
 //! Henyey and Greenstein 1941, "Diffuse Radiation in the Galaxy": a phase function.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use glam::DVec3;
+
+use crate::guide::around;
 
 /// Asymmetries nearer to 0 scatter evenly: the inverse of the distribution divides by them.
 const LEAST_ASYMMETRY: f64 = 1e-4;
@@ -24,8 +26,5 @@ pub(crate) fn sample(asymmetry: f64, direction: DVec3, [u1, u2]: [f64; 2]) -> DV
         let part = (1.0 - squared) / (1.0 + asymmetry - 2.0 * asymmetry * u1);
         ((1.0 + squared - part * part) / (2.0 * asymmetry)).clamp(-1.0, 1.0)
     };
-    let (right, up) = direction.any_orthonormal_pair();
-    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    let (across, along) = (u2 * TAU).sin_cos();
-    (direction * cosine + right * (sine * along) + up * (sine * across)).normalize()
+    around(direction, cosine, u2).normalize()
 }

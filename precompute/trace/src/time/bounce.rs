@@ -2,7 +2,7 @@
 //! places that it sees.
 //!
 //! Fuchs 2010, "Multipath Interference Compensation in Time-of-Flight Camera Images": what the
-//! camera measured gives positions, and with a lamp at the eye the reflectance; they give what
+//! camera measured gives positions, and with a light at the eye the reflectance; they give what
 //! surfaces send each other, which is taken off. Each pixel is a virtual point light, so that the
 //! same sum is that of a renderer's virtual point lights. Quadratic in the number of pixels.
 
@@ -10,13 +10,6 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::flight::{Capture, phasor};
-
-/// A lamp at the eye.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lamp {
-    /// Luminous intensity, candela, above 0; the same in all directions.
-    pub intensity: f64,
-}
 
 /// A place that a pixel stands for.
 #[derive(Clone, Copy)]
@@ -34,18 +27,19 @@ struct Patch {
 }
 
 /// The phasors of `capture.all` without the light of two bounces, in `rounds` rounds: each takes
-/// off what follows from the last one's distances. `width` is the number of pixels in a row.
+/// off what follows from the last one's distances. `width` is the number of pixels in a row,
+/// `candela` the luminous intensity of a light at the eye, the same in all directions, above 0.
 /// Pixels without a neighbour or without light keep their phasors; so does everything where the
-/// number of pixels is no multiple of `width` or the lamp is dark.
-pub fn without_bounce(capture: &Capture, width: usize, lamp: Lamp, rounds: u32) -> Vec<DVec2> {
+/// number of pixels is no multiple of `width` or the light is dark.
+pub fn without_bounce(capture: &Capture, width: usize, candela: f64, rounds: u32) -> Vec<DVec2> {
     let count = capture.all.len();
     let mut direct = capture.all.clone();
-    let lit = lamp.intensity.is_finite() && lamp.intensity > 0.0;
+    let lit = candela.is_finite() && candela > 0.0;
     if width < 2 || count < 2 * width || !count.is_multiple_of(width) || !lit {
         return direct;
     }
     for _ in 0..rounds {
-        let patches = patches(capture, &direct, width, lamp);
+        let patches = patches(capture, &direct, width, candela);
         direct = (0..count)
             .into_par_iter()
             .map(|pixel| {
@@ -97,7 +91,7 @@ fn smoothed(depths: &[Option<f64>], width: usize) -> Vec<Option<f64>> {
     (0..depths.len()).map(mean).collect()
 }
 
-fn patches(capture: &Capture, direct: &[DVec2], width: usize, lamp: Lamp) -> Vec<Option<Patch>> {
+fn patches(capture: &Capture, direct: &[DVec2], width: usize, candela: f64) -> Vec<Option<Patch>> {
     let depths = smoothed(&capture.depths(direct), width);
     let height = depths.len() / width;
     let position = |pixel: usize| Some(capture.rays[pixel] * depths[pixel]?);
@@ -122,7 +116,7 @@ fn patches(capture: &Capture, direct: &[DVec2], width: usize, lamp: Lamp) -> Vec
             let distance = depths[pixel]?;
             let cosine = -normal.dot(ray);
             let radiance = direct[pixel].length();
-            let illuminance = lamp.intensity * cosine / (distance * distance);
+            let illuminance = candela * cosine / (distance * distance);
             let patch = Patch {
                 position: ray * distance,
                 normal,

@@ -191,12 +191,7 @@ pub fn frames(
     if matches!(spread, Spread::Kernel(width) if !(width.is_finite() && width > 0.0)) {
         return Err(TimeError::NotPositive);
     }
-    if scene.has_fog() {
-        return Err(TimeError::Fog);
-    }
-    let (rendering, films) =
-        render_recorded(scene, view, settings, watch, &|| Film::new(window, spread))
-            .ok_or(TimeError::Interrupted)?;
+    let (rendering, films) = recorded(scene, view, settings, watch, &|| Film::new(window, spread))?;
     let (mut values, mut outside) = (Vec::new(), Vec::new());
     for film in films {
         let share = 1.0 / f64::from(film.paths.max(1));
@@ -240,6 +235,20 @@ pub fn progressive(
         }
     }
     mean.ok_or(TimeError::Interrupted)
+}
+
+/// The steady image, and a record of each pixel's paths.
+pub(super) fn recorded<R: Record + Send>(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    watch: Watch,
+    record: &(dyn Fn() -> R + Sync),
+) -> Result<(Rendering, Vec<R>), TimeError> {
+    if scene.has_fog() {
+        return Err(TimeError::Fog);
+    }
+    render_recorded(scene, view, settings, watch, record).ok_or(TimeError::Interrupted)
 }
 
 fn wide(rgb: [f32; 3]) -> DVec3 {

@@ -9,11 +9,9 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec2;
 
 use super::SPEED_OF_LIGHT;
-use super::film::TimeError;
+use super::film::{TimeError, recorded};
 use crate::color::luminance;
-use crate::integrator::{
-    Arrival, Record, ReferenceScene, Settings, View, Watch, render_recorded, surfaces,
-};
+use crate::integrator::{Arrival, Record, ReferenceScene, Settings, View, Watch, surfaces};
 
 /// What one path of `length` metres adds to a pixel's phasor, at a modulation `frequency` in hertz.
 pub fn phasor(amplitude: f64, length: f64, frequency: f64) -> DVec2 {
@@ -72,7 +70,7 @@ impl Record for Correlation {
     }
 
     fn arrived(&mut self, arrival: Arrival) {
-        // What shines into the camera itself is not the modulated lamp's light on a surface.
+        // What shines into the camera itself is not modulated light from a surface.
         if arrival.surfaces == 0 {
             return;
         }
@@ -94,7 +92,7 @@ impl Record for Correlation {
 }
 
 /// Path-traces what a time-of-flight camera measures at `frequency`, hertz, when all lights of the
-/// scene are modulated; a lamp at the eye makes it a camera of this kind.
+/// scene are modulated; a light at the eye makes it a camera of this kind.
 ///
 /// # Errors
 /// When the frequency is not above 0, the scene has fog, or `watch` interrupts.
@@ -108,9 +106,6 @@ pub fn capture(
     if !(frequency.is_finite() && frequency > 0.0) {
         return Err(TimeError::NotPositive);
     }
-    if scene.has_fog() {
-        return Err(TimeError::Fog);
-    }
     let empty = || Correlation {
         frequency,
         near: 0.0,
@@ -118,8 +113,7 @@ pub fn capture(
         sums: [DVec2::ZERO; 2],
         paths: 0,
     };
-    let (_, records) =
-        render_recorded(scene, view, settings, watch, &empty).ok_or(TimeError::Interrupted)?;
+    let (_, records) = recorded(scene, view, settings, watch, &empty)?;
     let pick = |i: usize| -> Vec<DVec2> {
         records.iter().map(|record| record.sums[i] / f64::from(record.paths.max(1))).collect()
     };

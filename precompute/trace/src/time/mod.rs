@@ -2,7 +2,8 @@
 //!
 //! Jarabo et al. 2014, "A Framework for Transient Rendering": every path of the steady image also
 //! says how long its light was on its way, and serves all frames. All lights flash once, at time 0;
-//! parallel light and the sky, which have no place, at the last surface of the path that they light. Scattering takes no time, and air slows no light.
+//! parallel light and the sky, which have no place, at the last surface of the path that they
+//! light. Scattering takes no time, and air slows no light.
 //!
 //! | module | job |
 //! |---|---|
@@ -20,7 +21,7 @@ mod flight;
 mod output;
 mod single;
 
-pub use bounce::{Lamp, without_bounce};
+pub use bounce::without_bounce;
 pub use density::{bandwidth, kernel};
 pub use film::{Frames, Spread, TimeError, Window, frames, progressive};
 pub use flight::{Capture, capture, depth, phases, phasor, range};

@@ -240,11 +240,11 @@ fn a_lamp_at_the_eye_shows_true_depth_and_light_of_two_bounces_can_be_taken_off(
     assert!(error(&capture.direct).1 < 1e-5, "{:?}", error(&capture.direct));
     let raw = error(&capture.all).0;
     assert!(raw > 0.02, "white walls disturb each other: {raw}");
-    let corrected = error(&without_bounce(&capture, 32, Lamp { intensity: 1.0 }, 3)).0;
+    let corrected = error(&without_bounce(&capture, 32, 1.0, 3)).0;
     assert!(corrected < 0.4 * raw, "{corrected} of {raw}");
     // Odd arguments change nothing.
     for (width, intensity) in [(0, 1.0), (7, 1.0), (32, 0.0), (32, f64::NAN)] {
-        assert_eq!(without_bounce(&capture, width, Lamp { intensity }, 3), capture.all);
+        assert_eq!(without_bounce(&capture, width, intensity, 3), capture.all);
     }
 }
 

@@ -7,10 +7,11 @@
 
 use glam::{DVec3, Vec3};
 
+use super::super::lights::per_steradian;
 use super::super::path::{CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL};
 use super::super::scene::ReferenceScene;
 use super::super::settings::Settings;
-use super::vertex::{Vertex, along, per_steradian};
+use super::vertex::{Vertex, along};
 use crate::bsdf::{Bsdf, Surface};
 use crate::media::Fog;
 use crate::sampler::Sampler;

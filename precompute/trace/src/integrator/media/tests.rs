@@ -4,16 +4,16 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, UVec2, Vec3};
 
-use super::super::path::trace;
+use super::super::tests::{self, point_light, trace};
 use super::super::*;
 use crate::bsdf::Shading;
 use crate::light::{Light, Sky};
 use crate::media::{Distances, Fog};
 use crate::sampler::Sampler;
 use crate::scene::shapes::MeshBuilder;
-use crate::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial};
+use crate::scene::{Bounds, CameraPose, SceneGeometry, SceneMaterial};
 
-pub(super) fn fog(absorption: f32, scattering: f32, half: f32) -> Fog {
+fn fog(absorption: f32, scattering: f32, half: f32) -> Fog {
     Fog {
         absorption: [absorption; 3],
         scattering: [scattering; 3],
@@ -24,21 +24,16 @@ pub(super) fn fog(absorption: f32, scattering: f32, half: f32) -> Fog {
 }
 
 /// A scene of meshes, each with its material.
-pub(super) fn scene(
-    parts: Vec<(SceneMaterial, MeshBuilder)>,
-    lights: &[Light],
-    sky: Sky,
-) -> ReferenceScene {
+fn scene(parts: Vec<(SceneMaterial, MeshBuilder)>, lights: &[Light], sky: Sky) -> ReferenceScene {
     let mut geometry = SceneGeometry::default();
     for (material, builder) in parts {
         geometry.meshes.push(builder.finish(geometry.materials.len()));
         geometry.materials.push(material);
     }
-    let rays = RayScene::from_geometry(&geometry);
-    ReferenceScene::new(geometry.into(), rays.into(), lights, sky).expect("valid geometry")
+    tests::scene(geometry, lights, sky)
 }
 
-pub(super) fn matte(albedo: f32, nits: f32) -> SceneMaterial {
+fn matte(albedo: f32, nits: f32) -> SceneMaterial {
     SceneMaterial {
         base_color: [albedo, albedo, albedo, 1.0],
         emissive: [nits; 3],
@@ -47,12 +42,8 @@ pub(super) fn matte(albedo: f32, nits: f32) -> SceneMaterial {
     }
 }
 
-pub(super) fn lambertian(bounces: Option<u32>) -> Settings {
+fn lambertian(bounces: Option<u32>) -> Settings {
     Settings { bounces, shading: Shading::Lambertian, ..Settings::default() }
-}
-
-fn point_light(position: Vec3, luminous_power: f32) -> Light {
-    Light::Point { position, luminous_power, range: 1e6, color: [1.0; 3] }
 }
 
 /// Mean and standard error of the red channel along one ray.

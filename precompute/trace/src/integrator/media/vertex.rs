@@ -2,10 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
+use super::super::lights::{Sampled, emitter, shining, sky};
 use super::super::scene::ReferenceScene;
 use super::super::settings::{Settings, Strategy};
-use crate::bsdf::{Bsdf, Surface, is_cut_out};
-use crate::light::{EmitterPoint, PunctualLight};
+use crate::bsdf::{Bsdf, Surface};
+use crate::light::PunctualLight;
 use crate::media::{Distances, Equiangular, Fog, Line, density, sample};
 use crate::sampler::Sampler;
 
@@ -30,16 +31,6 @@ enum Scattering {
         asymmetry: f64,
         distances: Distances,
     },
-}
-
-/// A sampled light: direction to it, metres to it, radiance, its density per steradian; and the
-/// point, for lights that are not infinitely far.
-struct Sampled {
-    direction: DVec3,
-    distance: f64,
-    radiance: DVec3,
-    density: f64,
-    point: Option<DVec3>,
 }
 
 /// Light that reaches a vertex and is scattered on: from punctual lights, and from others.
@@ -233,51 +224,4 @@ fn place(light: &PunctualLight) -> Option<DVec3> {
         PunctualLight::Directional { .. } => None,
         PunctualLight::Positional { position, .. } => Some(*position),
     }
-}
-
-/// A point of an emissive triangle that shines on `position`.
-fn emitter(scene: &ReferenceScene, position: DVec3, sampler: &mut Sampler) -> Option<Sampled> {
-    if scene.emitters.is_empty() {
-        return None;
-    }
-    let (choice, pair) = (sampler.number(), sampler.pair());
-    shining(scene, &scene.emitters.sample(choice, pair)?, position)
-}
-
-fn shining(scene: &ReferenceScene, point: &EmitterPoint, position: DVec3) -> Option<Sampled> {
-    let ray = point.position - position;
-    let surface = Surface::new(&scene.geometry, &point.hit);
-    let density = per_steradian(point.density, ray, surface.geometric_normal);
-    let shines = ray.dot(surface.geometric_normal) < 0.0 || surface.material.double_sided;
-    let counts =
-        shines && density.is_finite() && density > 0.0 && !is_cut_out(&scene.geometry, &point.hit);
-    counts.then(|| Sampled {
-        direction: ray.normalize(),
-        distance: ray.length(),
-        radiance: surface.emission,
-        density,
-        point: Some(point.position),
-    })
-}
-
-fn sky(scene: &ReferenceScene, sampler: &mut Sampler) -> Option<Sampled> {
-    if !scene.sky.is_lit() {
-        return None;
-    }
-    let (choice, pair) = (sampler.number(), sampler.pair());
-    let sample = scene.sky.sample(choice, pair).filter(|sample| sample.density > 0.0)?;
-    Some(Sampled {
-        direction: sample.direction,
-        distance: f64::INFINITY,
-        radiance: sample.radiance,
-        density: sample.density,
-        point: None,
-    })
-}
-
-/// Converts a density per m² on a surface with `normal` into a density per steradian at the start
-/// of `ray` (metres), which ends on that surface.
-pub(super) fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
-    let squared = ray.length_squared();
-    per_square_metre * squared * squared.sqrt() / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
 }

@@ -9,9 +9,10 @@ mod visibility;
 
 use glam::{DVec3, Quat, UVec2, Vec3};
 
-use super::path::{Estimate, trace};
+use super::path::{self, Estimate};
 use super::*;
 use crate::bsdf::Shading;
+use crate::guide::Field;
 use crate::light::{Light, Sky};
 use crate::sampler::Sampler;
 use crate::scene::shapes::MeshBuilder;
@@ -19,6 +20,18 @@ use crate::scene::{
     CameraPose, Filter, GeometryError, RayScene, SceneGeometry, SceneMaterial, SceneTexture,
     Texels, Wrap,
 };
+
+/// A path that nothing listens to.
+pub(super) fn trace(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    field: Option<&Field>,
+    origin: Vec3,
+    direction: DVec3,
+    sampler: &mut Sampler,
+) -> Estimate {
+    path::trace(scene, settings, field, origin, direction, sampler, &mut ())
+}
 
 /// Geometry of one material, built by `build`.
 fn geometry(material: SceneMaterial, build: impl FnOnce(&mut MeshBuilder)) -> SceneGeometry {
@@ -41,7 +54,7 @@ fn joined(mut first: SceneGeometry, second: SceneGeometry) -> SceneGeometry {
     first
 }
 
-fn scene(geometry: SceneGeometry, lights: &[Light], sky: Sky) -> ReferenceScene {
+pub(super) fn scene(geometry: SceneGeometry, lights: &[Light], sky: Sky) -> ReferenceScene {
     try_scene(geometry, lights, sky).expect("valid geometry")
 }
 
@@ -81,7 +94,7 @@ fn sun(direction: Vec3, illuminance: f32) -> Light {
     Light::Directional { direction, illuminance, color: [1.0; 3] }
 }
 
-fn point_light(position: Vec3, luminous_power: f32) -> Light {
+pub(super) fn point_light(position: Vec3, luminous_power: f32) -> Light {
     Light::Point { position, luminous_power, range: 1e6, color: [1.0; 3] }
 }
 
