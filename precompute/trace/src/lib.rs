@@ -11,12 +11,15 @@
 //! | [`bsdf`] | the surface at a hit, and its reflection model |
 //! | `guide` | places from which much light comes, learned from photons |
 //! | [`integrator`] | light along paths, and a camera's image |
+//! | `caustics` | light that mirrors throw, from photons (feature `caustics`) |
 //! | [`metrics`] | images, and differences between two |
 //!
-//! Each module imports only those above it, [`integrator`] also [`metrics`]. `color` and `sampler`
+//! Each module imports only those above it, [`integrator`] and `caustics` also [`metrics`]. `color` and `sampler`
 //! (random numbers) serve all.
 
 pub mod bsdf;
+#[cfg(feature = "caustics")]
+pub mod caustics;
 mod color;
 mod guide;
 pub mod integrator;

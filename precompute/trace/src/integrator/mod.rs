@@ -26,6 +26,10 @@ mod scene;
 mod settings;
 mod view;
 
+#[cfg(feature = "caustics")]
+pub(crate) use path::{extended, per_steradian, punctual};
+#[cfg(feature = "caustics")]
+pub(crate) use photons::{Emission, Start};
 pub use render::{Rendering, Watch, render};
 pub use scene::ReferenceScene;
 pub use settings::{Guide, Pixels, Settings, Strategy};

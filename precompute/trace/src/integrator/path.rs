@@ -92,11 +92,14 @@ pub(super) fn trace(
         }
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
         origin = surface.ray_origin();
-        estimate.add(surfaces + 1, throughput * punctual(scene, &bsdf, &surface, origin));
+        estimate.add(
+            surfaces + 1,
+            throughput * punctual(scene, |to| bsdf.evaluate(to), surface.position, origin),
+        );
         let scatter = Scatter::new(bsdf, &surface, field);
         estimate.add_extended(
             surfaces + 1,
-            throughput * extended(scene, settings, &scatter, origin, sampler),
+            throughput * extended(scene, settings, |to| scatter.evaluate(to), origin, sampler),
         );
         // Beyond the last surface a path can only hit a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
@@ -121,12 +124,17 @@ pub(super) fn trace(
 }
 
 /// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
-/// no ray.
-fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
+/// no ray. `evaluate` is that of a [`Bsdf`].
+pub(crate) fn punctual(
+    scene: &ReferenceScene,
+    evaluate: impl Fn(DVec3) -> (DVec3, f64),
+    position: DVec3,
+    origin: Vec3,
+) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &scene.lights {
-        let Some(incident) = light.incident(surface.position) else { continue };
-        let reflected = bsdf.evaluate(incident.direction).0 * incident.illuminance;
+        let Some(incident) = light.incident(position) else { continue };
+        let reflected = evaluate(incident.direction).0 * incident.illuminance;
         if reflected.max_element() > 0.0 && scene.is_lit(origin, &incident) {
             sum += reflected;
         }
@@ -135,11 +143,11 @@ fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3
 }
 
 /// Reflected light of one sampled point of an emissive triangle and of one sampled direction of the
-/// sky map.
-fn extended(
+/// sky map. `evaluate` is that of a [`Scatter`].
+pub(crate) fn extended(
     scene: &ReferenceScene,
     settings: &Settings,
-    scatter: &Scatter,
+    evaluate: impl Fn(DVec3) -> (DVec3, f64),
     origin: Vec3,
     sampler: &mut Sampler,
 ) -> DVec3 {
@@ -148,7 +156,7 @@ fn extended(
         return sum;
     }
     let mut add = |direction: DVec3, distance: f64, radiance: DVec3, density: f64| {
-        let (reflected, other) = scatter.evaluate(direction);
+        let (reflected, other) = evaluate(direction);
         let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
         if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
             sum += light;
@@ -181,7 +189,7 @@ fn extended(
 
 /// Converts a density per m² on a surface with `normal` into a density per steradian at the start
 /// of `ray` (metres), which ends on that surface.
-fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
+pub(crate) fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
     let distance_squared = ray.length_squared();
     per_square_metre * distance_squared * distance_squared.sqrt()
         / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
