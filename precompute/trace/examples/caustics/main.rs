@@ -37,8 +37,12 @@ fn main() {
     let mut logs = vec![0.0; methods.len()];
     let places = scenes::all(SIZE);
     for place in &places {
-        let settings =
-            |seed, samples| Settings { samples, seed, pixels: Pixels::Middle, ..Settings::default() };
+        let settings = |seed, samples| Settings {
+            samples,
+            seed,
+            pixels: Pixels::Middle,
+            ..Settings::default()
+        };
         let image = |seed, photons, density| {
             let caustics = Caustics { photons, density, ..Caustics::default() };
             photon_image(&place.scene, &place.view, &settings(seed, 1), &caustics, Watch::default())
@@ -68,7 +72,8 @@ fn main() {
             let settings = settings(0, 64);
             let caustics = Caustics { photons: photons.saturating_mul(10), ..Caustics::default() };
             let watch = Watch::default();
-            let split = render(&place.scene, &place.view, &settings, &caustics, watch).expect("done");
+            let split =
+                render(&place.scene, &place.view, &settings, &caustics, watch).expect("done");
             let paths = path_trace(&place.scene, &place.view, &settings, watch).expect("done");
             save(folder, &format!("{} split", place.name), &split.full(), &split.full());
             save(folder, &format!("{} paths", place.name), &paths.full(), &split.full());

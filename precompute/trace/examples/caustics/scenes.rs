@@ -57,12 +57,12 @@ fn mirror() -> ReferenceScene {
 fn bowl() -> ReferenceScene {
     let mut model = Model::table();
     model.sheet(metal([0.9, 0.9, 0.95]), [64, 32], |s, t| {
-        // A cap of a sphere that faces −X, and the floor.
+        // A cap of a sphere above the table, which faces −X and downwards.
         let ((sine, cosine), (r, along)) = ((s * TAU).sin_cos(), (0.2 * PI * t).sin_cos());
-        let (x, y) = (0.9 * along - 0.3, 0.9 * r * cosine);
-        Vec3::new(0.8 * x + 0.6 * y, 0.55 - 0.6 * x + 0.8 * y, 0.9 * r * sine)
+        let (x, y, z) = (0.7 * along - 0.35, 0.7 * r * cosine, 0.7 * r * sine);
+        Vec3::new(0.9 * x + 0.44 * y + 0.3, 0.6 + 0.44 * x - 0.9 * y, z)
     });
-    model.lit([-1.8, 1.6, 0.3], [0.4, 0.3, 0.0], 18.0)
+    model.lit([-1.6, 0.5, 0.4], [0.5, 0.7, 0.0], 16.0)
 }
 
 fn strips() -> ReferenceScene {
@@ -92,7 +92,8 @@ fn pool() -> ReferenceScene {
 fn spheres() -> ReferenceScene {
     let mut model = Model::table();
     for i in 0..16_u16 {
-        let at = |n: u16, step: f32| f32::from(n % 4) * 0.3 - 0.45 + 0.06 * (step * f32::from(i)).sin();
+        let at =
+            |n: u16, step: f32| f32::from(n % 4) * 0.3 - 0.45 + 0.06 * (step * f32::from(i)).sin();
         let (x, z, radius) = (at(i, 1.7), at(i / 4, 2.9), 0.06 + 0.02 * f32::from(i).sin());
         model.sheet(metal([0.95, 0.9, 0.85]), [24, 16], |s, t| {
             let ((sine, cosine), (r, y)) = ((s * TAU).sin_cos(), (PI * (1.0 - t)).sin_cos());

@@ -78,7 +78,8 @@ fn trace(
         if settings.bounces.is_some_and(|bounces| surfaces >= bounces) {
             return;
         }
-        let Some((weight, next, is_specular)) = scatter(caustics, &bsdf, &surface, towards, sampler)
+        let Some((weight, next, is_specular)) =
+            scatter(caustics, &bsdf, &surface, towards, sampler)
         else {
             return;
         };

@@ -81,11 +81,13 @@ impl PhotonMap {
         count: usize,
         reach: f32,
     ) -> Vec<(f32, Photon)> {
-        let mut heap = BinaryHeap::with_capacity(count + 1);
+        let mut heap = BinaryHeap::with_capacity(count.min(self.photons.len()) + 1);
         let mut within = reach * reach;
         if count > 0 {
             self.visit(0..self.photons.len(), place, &mut within, &mut |index, squared, within| {
-                if self.photons[index].direction.dot(normal) <= 0.0 {
+                // In this form, NaN is below.
+                let is_above = self.photons[index].direction.dot(normal) > 0.0;
+                if !is_above {
                     return;
                 }
                 heap.push(Near(squared, index));
@@ -103,7 +105,13 @@ impl PhotonMap {
 
     /// Calls `found` with the squared distance, m², of each photon within `radius`, metres, that
     /// arrived from above a surface with `normal`, in any order.
-    pub fn within(&self, place: Vec3, normal: Vec3, radius: f32, mut found: impl FnMut(f32, &Photon)) {
+    pub fn within(
+        &self,
+        place: Vec3,
+        normal: Vec3,
+        radius: f32,
+        mut found: impl FnMut(f32, &Photon),
+    ) {
         let mut within = radius * radius;
         self.visit(0..self.photons.len(), place, &mut within, &mut |index, squared, _| {
             if self.photons[index].direction.dot(normal) > 0.0 {

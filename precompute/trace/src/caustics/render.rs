@@ -71,7 +71,11 @@ pub fn render(
         })
         .collect::<Option<_>>()?;
     let dropped = pixels.iter().map(|(_, dropped)| dropped).sum();
-    Some(CausticRendering { paths: image(view, pixels.into_iter().map(|(rgb, _)| rgb)), photons, dropped })
+    Some(CausticRendering {
+        paths: image(view, pixels.into_iter().map(|(rgb, _)| rgb)),
+        photons,
+        dropped,
+    })
 }
 
 /// The photons' part of [`render`] alone.
@@ -94,7 +98,8 @@ pub fn photon_image(
     let mut pixels = vec![Progress::default(); view.size.element_product() as usize];
     for pass in 0..passes {
         // Shares of photons that differ by one at most.
-        let share = |pass: u32| (u64::from(caustics.photons) * u64::from(pass) / u64::from(passes)) as u32;
+        let share =
+            |pass: u32| (u64::from(caustics.photons) * u64::from(pass) / u64::from(passes)) as u32;
         let count = share(pass + 1) - share(pass);
         let map = photons(scene, settings, caustics, pass, count, watch.interrupted)?;
         if map.is_empty() && passes == 1 {
@@ -115,12 +120,7 @@ pub fn photon_image(
     Some(image(view, pixels.iter().map(|pixel| finite(pixel.mean()).as_vec3().to_array())))
 }
 
-fn ray(
-    view: &View,
-    settings: &Settings,
-    pixel: u32,
-    sampler: &mut Sampler,
-) -> (glam::Vec3, DVec3) {
+fn ray(view: &View, settings: &Settings, pixel: u32, sampler: &mut Sampler) -> (glam::Vec3, DVec3) {
     // Sampled in either case, so that the path uses the same random numbers.
     let offset = sampler.pair();
     let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };

@@ -105,12 +105,7 @@ impl Caustics {
     }
 
     /// Both parts for light from `direction`; `None` where nothing is reflected.
-    pub(super) fn parts(
-        &self,
-        bsdf: &Bsdf,
-        surface: &Surface,
-        direction: DVec3,
-    ) -> Option<Parts> {
+    pub(super) fn parts(&self, bsdf: &Bsdf, surface: &Surface, direction: DVec3) -> Option<Parts> {
         let lobes = bsdf.lobes(direction)?;
         let (diffuse, specular) = if self.is_specular(surface) {
             (lobes.diffuse, lobes.specular)

@@ -143,7 +143,13 @@ impl<'a> Emission<'a> {
                 PunctualLight::Directional { towards, illuminance } => {
                     self.parallel(towards, illuminance, [a, b], true)
                 }
-                PunctualLight::Positional { position, intensity, inverse_range_squared, axis, cone } => {
+                PunctualLight::Positional {
+                    position,
+                    intensity,
+                    inverse_range_squared,
+                    axis,
+                    cone,
+                } => {
                     let least = least_cosine(cone);
                     let cosine = 1.0 - (1.0 - least) * a;
                     let mask = (cosine * cone.0 + cone.1).clamp(0.0, 1.0).powi(2);
@@ -163,7 +169,8 @@ impl<'a> Emission<'a> {
                 return None;
             }
             // Double-sided triangles shine to both sides.
-            let sides = if self.scene.geometry.material(&point.hit).double_sided { 2.0 } else { 1.0 };
+            let sides =
+                if self.scene.geometry.material(&point.hit).double_sided { 2.0 } else { 1.0 };
             let side = if sides * c < 1.0 { Side::Front } else { Side::Back };
             let c = (sides * c).fract();
             let surface = Surface::new(&self.scene.geometry, &Hit { side, ..point.hit });
