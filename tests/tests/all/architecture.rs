@@ -98,8 +98,19 @@ const SEARCH: &[&str] = &[
 ];
 
 /// The path tracer's parts.
-const TRACE: &[&str] =
-    &["color", "sampler", "scene", "light", "bsdf", "guide", "metrics", "integrator"];
+const TRACE: &[&str] = &[
+    "color",
+    "sampler",
+    "scene",
+    "light",
+    "bsdf",
+    "guide",
+    "media",
+    "metrics",
+    "integrator",
+    "caustics",
+    "time",
+];
 
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {
     let found = imports(&workspace().join(folder), split).expect("sources");

@@ -16,6 +16,8 @@ use frugal_trace::integrator::{Pixels, Settings, Watch, render as path_trace};
 use frugal_trace::metrics::{Radiance, tone};
 use glam::UVec2;
 
+/// Camera rays of a pixel, as many as there are passes: what mirrors show is equally noisy.
+const RAYS: u32 = 10;
 const SIZE: UVec2 = UVec2::new(96, 72);
 
 fn main() {
@@ -29,9 +31,9 @@ fn main() {
     let methods = [
         ("nearest 50", Density::Nearest { count: 50 }),
         ("nearest 500", Density::Nearest { count: 500 }),
-        ("progressive", shrinking(10, 20)),
-        ("counted", Density::Counted { passes: 10, first: 20, alpha: 2.0 / 3.0 }),
-        ("adaptive", Density::Adaptive { passes: 10, first: 20 }),
+        ("progressive", shrinking(RAYS, 20)),
+        ("counted", Density::Counted { passes: RAYS, first: 20, alpha: 2.0 / 3.0 }),
+        ("adaptive", Density::Adaptive { passes: RAYS, first: 20 }),
     ];
     println!("{:18}{}", "scene", methods.map(|(name, _)| format!("{name:>24}")).concat());
     let mut logs = vec![0.0; methods.len()];
@@ -45,8 +47,14 @@ fn main() {
         };
         let image = |seed, photons, density| {
             let caustics = Caustics { photons, density, ..Caustics::default() };
-            photon_image(&place.scene, &place.view, &settings(seed, 1), &caustics, Watch::default())
-                .expect("nothing interrupts")
+            photon_image(
+                &place.scene,
+                &place.view,
+                &settings(seed, RAYS),
+                &caustics,
+                Watch::default(),
+            )
+            .expect("nothing interrupts")
         };
         let reference = image(1 << 40, photons.saturating_mul(times), shrinking(times, 20));
         let mut line = format!("{:18}", place.name);

@@ -157,6 +157,7 @@ impl Bsdf {
     }
 
     /// Whether it reflects by the specular lobe alone.
+    #[cfg(feature = "caustics")]
     pub(crate) fn is_only_specular(&self) -> bool {
         self.specular_share >= 1.0
     }

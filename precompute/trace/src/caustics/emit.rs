@@ -60,9 +60,7 @@ fn trace(
         let Some(hit) = scene.closest(origin, direction) else { return };
         let surface = Surface::new(&scene.geometry, &hit);
         if surfaces == 0 {
-            let squared = (surface.position - flight.origin.as_dvec3()).length_squared();
-            let window = 1.0 - (squared * flight.inverse_range_squared).powi(2);
-            power *= window.clamp(0.0, 1.0).powi(2);
+            power = flight.arriving(surface.position);
         }
         let towards = -direction;
         let bsdf = Bsdf::new(&surface, towards, settings.shading);

@@ -60,8 +60,8 @@ pub(super) fn trace(
                 ((parts.diffuse + specular) * parts.cosine, parts.density)
             })
         };
-        sum += throughput * punctual(scene, evaluate, surface.position, origin);
-        sum += throughput * extended(scene, settings, evaluate, origin, sampler);
+        sum += throughput * punctual(scene, evaluate, surface.position, origin, &mut |_, _| ());
+        sum += throughput * extended(scene, settings, evaluate, origin, sampler, &mut |_, _| ());
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
             break;
         }

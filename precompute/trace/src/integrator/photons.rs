@@ -41,11 +41,20 @@ pub(crate) struct Flight {
     /// Power ÷ probability.
     pub(crate) power: DVec3,
     /// 1/m²: the window of a punctual light's range; 0 for other lights.
-    pub(crate) inverse_range_squared: f64,
+    inverse_range_squared: f64,
     /// Where it comes from.
     source: Vec3,
     /// Whether paths find it without a guide: they sample its light itself.
     is_sampled: bool,
+}
+
+impl Flight {
+    /// Power that arrives at `position`, metres, on a straight way: punctual lights have a range.
+    pub(crate) fn arriving(&self, position: DVec3) -> DVec3 {
+        let squared = (position - self.origin.as_dvec3()).length_squared();
+        let window = (1.0 - (squared * self.inverse_range_squared).powi(2)).clamp(0.0, 1.0);
+        self.power * (window * window)
+    }
 }
 
 /// Random numbers that choose a light, a point on it and a direction.
@@ -98,6 +107,7 @@ impl<'a> Emission<'a> {
         for surfaces in 0.. {
             let Some(hit) = self.scene.closest(flight.origin, flight.direction) else { return };
             let surface = Surface::new(&self.scene.geometry, &hit);
+            flight.power = flight.arriving(surface.position);
             let power = luminance(flight.power) as f32;
             if !flight.is_sampled && power > 0.0 && power.is_finite() {
                 arrived(Photon {
