@@ -12,13 +12,16 @@
 //! | `guide` | places from which much light comes, learned from photons |
 //! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
+//! | `caustics` | light that mirrors throw, from photons (feature `caustics`) |
 //! | [`metrics`] | images, and differences between two |
 //! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
-//! Each module imports only those above it, [`integrator`] also [`metrics`]. `color` and `sampler`
-//! (random numbers) serve all.
+//! Each module imports only those above it, [`integrator`] and `caustics` also [`metrics`]. `color` and
+//! `sampler` (random numbers) serve all.
 
 pub mod bsdf;
+#[cfg(feature = "caustics")]
+pub mod caustics;
 mod color;
 mod guide;
 pub mod integrator;

@@ -108,6 +108,7 @@ const TRACE: &[&str] = &[
     "media",
     "metrics",
     "integrator",
+    "caustics",
     "time",
 ];
 

@@ -59,6 +59,19 @@ pub(crate) struct Bsdf {
     specular_share: f64,
 }
 
+/// The BSDF for one direction, by lobes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lobes {
+    /// BSDF of the diffuse lobe.
+    pub(crate) diffuse: DVec3,
+    /// BSDF of the specular lobe.
+    pub(crate) specular: DVec3,
+    /// Cosine between direction and shading normal, above 0.
+    pub(crate) cosine: f64,
+    /// Density with which the direction is sampled, per steradian.
+    pub(crate) density: f64,
+}
+
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BsdfSample {
@@ -113,11 +126,18 @@ impl Bsdf {
     /// with which [`sample`](Self::sample) takes that direction. Both are 0 below the shading
     /// normal's horizon and below the triangle's.
     pub(crate) fn evaluate(&self, direction: DVec3) -> (DVec3, f64) {
+        self.lobes(direction).map_or((DVec3::ZERO, 0.0), |lobes| {
+            ((lobes.diffuse + lobes.specular) * lobes.cosine, lobes.density)
+        })
+    }
+
+    /// The parts of [`evaluate`](Self::evaluate); `None` where it is 0.
+    pub(crate) fn lobes(&self, direction: DVec3) -> Option<Lobes> {
         let light = DVec3::from_array(self.frame.map(|axis| axis.dot(direction)));
         // This form also rejects NaN.
         let above = light.z > 0.0 && direction.dot(self.geometric_normal) > 0.0;
         if !above {
-            return (DVec3::ZERO, 0.0);
+            return None;
         }
         let half = (self.view + light).normalize();
         let cosine = light.dot(half).clamp(0.0, 1.0);
@@ -125,15 +145,21 @@ impl Bsdf {
             Shading::Lambertian => self.diffuse * FRAC_1_PI,
             Shading::Standard => self.diffuse * (self.burley(light.z, cosine) * FRAC_1_PI),
         };
-        let mut reflected = diffuse;
+        let mut specular = DVec3::ZERO;
         let mut density = (1.0 - self.specular_share) * light.z * FRAC_1_PI;
         if self.specular_share > 0.0 {
             let facets = self.distribution(half.z);
-            reflected += self.fresnel(cosine) * (facets * self.visibility(light.z));
+            specular = self.fresnel(cosine) * (facets * self.visibility(light.z));
             density += self.specular_share * facets
                 / (2.0 * (self.view.z + self.slope_length(self.view.z)));
         }
-        (reflected * light.z, density)
+        Some(Lobes { diffuse, specular, cosine: light.z, density })
+    }
+
+    /// Whether it reflects by the specular lobe alone.
+    #[cfg(feature = "caustics")]
+    pub(crate) fn is_only_specular(&self) -> bool {
+        self.specular_share >= 1.0
     }
 
     /// Samples a direction, approximately in proportion to BSDF × cosine; `None` where the sample

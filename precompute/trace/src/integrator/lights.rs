@@ -74,7 +74,7 @@ pub(super) fn sky(scene: &ReferenceScene, sampler: &mut Sampler) -> Option<Sampl
 
 /// Converts a density per m² on a surface with `normal` into a density per steradian at the start
 /// of `ray` (metres), which ends on that surface.
-pub(super) fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
+pub(crate) fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
     let squared = ray.length_squared();
     per_square_metre * squared * squared.sqrt() / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
 }

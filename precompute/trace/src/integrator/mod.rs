@@ -32,6 +32,12 @@ mod view;
 
 #[cfg(feature = "time")]
 pub(crate) use path::{Arrival, Record};
+#[cfg(feature = "caustics")]
+pub(crate) use lights::per_steradian;
+#[cfg(feature = "caustics")]
+pub(crate) use path::{extended, punctual};
+#[cfg(feature = "caustics")]
+pub(crate) use photons::{Emission, Start};
 #[cfg(feature = "time")]
 pub(crate) use render::render_recorded;
 pub use render::{Rendering, Watch, render};

@@ -139,12 +139,20 @@ pub(super) fn trace(
             let light = throughput * light;
             record.arrived(Arrival { light, surfaces: surfaces + 1, length, last });
         };
-        let light = punctual(scene, &bsdf, &surface, origin, &mut arrived);
+        let light = punctual(scene, |to| bsdf.evaluate(to), surface.position, origin, &mut arrived);
         estimate.add(surfaces + 1, throughput * light);
         let scatter = Scatter::new(bsdf, &surface, field);
         estimate.add_extended(
             surfaces + 1,
-            throughput * extended(scene, settings, &scatter, origin, sampler, &mut arrived),
+            throughput
+                * extended(
+                    scene,
+                    settings,
+                    |to| scatter.evaluate(to),
+                    origin,
+                    sampler,
+                    &mut arrived,
+                ),
         );
         // Beyond the last surface a path can only hit a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
@@ -169,18 +177,18 @@ pub(super) fn trace(
 }
 
 /// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
-/// no ray.
-fn punctual(
+/// no ray. `evaluate` is that of a [`Bsdf`]; `arrived` gets light and distance of each.
+pub(crate) fn punctual(
     scene: &ReferenceScene,
-    bsdf: &Bsdf,
-    surface: &Surface,
+    evaluate: impl Fn(DVec3) -> (DVec3, f64),
+    position: DVec3,
     origin: Vec3,
     arrived: &mut impl FnMut(DVec3, f64),
 ) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &scene.lights {
-        let Some(incident) = light.incident(surface.position) else { continue };
-        let reflected = bsdf.evaluate(incident.direction).0 * incident.illuminance;
+        let Some(incident) = light.incident(position) else { continue };
+        let reflected = evaluate(incident.direction).0 * incident.illuminance;
         if reflected.max_element() > 0.0 && scene.is_lit(origin, &incident) {
             sum += reflected;
             arrived(reflected, incident.distance);
@@ -190,11 +198,11 @@ fn punctual(
 }
 
 /// Reflected light of one sampled point of an emissive triangle and of one sampled direction of the
-/// sky map.
-fn extended(
+/// sky map. `evaluate` is that of a [`Scatter`].
+pub(crate) fn extended(
     scene: &ReferenceScene,
     settings: &Settings,
-    scatter: &Scatter,
+    evaluate: impl Fn(DVec3) -> (DVec3, f64),
     origin: Vec3,
     sampler: &mut Sampler,
     arrived: &mut impl FnMut(DVec3, f64),
@@ -205,7 +213,7 @@ fn extended(
     }
     let samples = [emitter(scene, origin.as_dvec3(), sampler), sky(scene, sampler)];
     for Sampled { direction, distance, radiance, density, .. } in samples.into_iter().flatten() {
-        let (reflected, other) = scatter.evaluate(direction);
+        let (reflected, other) = evaluate(direction);
         let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
         if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
             sum += light;

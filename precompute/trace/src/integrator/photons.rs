@@ -9,11 +9,12 @@ use glam::{DVec3, Vec3};
 
 use super::scene::ReferenceScene;
 use super::settings::{Settings, Strategy};
-use crate::bsdf::{Bsdf, Surface};
+use crate::bsdf::{Bsdf, Surface, is_cut_out};
 use crate::color::luminance;
 use crate::guide::{Photon, around};
 use crate::light::{PunctualLight, Sky};
 use crate::sampler::Sampler;
+use crate::scene::{Hit, Side};
 
 /// Metres to where parallel light is taken to come from.
 const FAR: f64 = 1e4;
@@ -22,7 +23,7 @@ const GREATEST_SURVIVAL: f64 = 0.95;
 
 /// All lights, as sources of photons.
 #[derive(Debug)]
-pub(super) struct Emission<'a> {
+pub(crate) struct Emission<'a> {
     scene: &'a ReferenceScene,
     settings: &'a Settings,
     /// Middle and radius of a sphere around the scene, metres.
@@ -34,22 +35,34 @@ pub(super) struct Emission<'a> {
 
 /// Light on its way.
 #[derive(Clone, Copy, Debug)]
-struct Flight {
-    origin: Vec3,
-    direction: DVec3,
-    power: DVec3,
+pub(crate) struct Flight {
+    pub(crate) origin: Vec3,
+    pub(crate) direction: DVec3,
+    /// Power ÷ probability.
+    pub(crate) power: DVec3,
+    /// 1/m²: the window of a punctual light's range; 0 for other lights.
+    inverse_range_squared: f64,
     /// Where it comes from.
     source: Vec3,
     /// Whether paths find it without a guide: they sample its light itself.
     is_sampled: bool,
 }
 
+impl Flight {
+    /// Power that arrives at `position`, metres, on a straight way: punctual lights have a range.
+    pub(crate) fn arriving(&self, position: DVec3) -> DVec3 {
+        let squared = (position - self.origin.as_dvec3()).length_squared();
+        let window = (1.0 - (squared * self.inverse_range_squared).powi(2)).clamp(0.0, 1.0);
+        self.power * (window * window)
+    }
+}
+
 /// Random numbers that choose a light, a point on it and a direction.
-pub(super) type Start = [f64; 5];
+pub(crate) type Start = [f64; 5];
 
 impl<'a> Emission<'a> {
     /// `None` where there is no light or nothing to light.
-    pub(super) fn new(scene: &'a ReferenceScene, settings: &'a Settings) -> Option<Self> {
+    pub(crate) fn new(scene: &'a ReferenceScene, settings: &'a Settings) -> Option<Self> {
         let bounds = scene.geometry.bounds()?;
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (middle, radius) = (0.5 * (min + max), 0.5 * (max - min).length());
@@ -94,6 +107,7 @@ impl<'a> Emission<'a> {
         for surfaces in 0.. {
             let Some(hit) = self.scene.closest(flight.origin, flight.direction) else { return };
             let surface = Surface::new(&self.scene.geometry, &hit);
+            flight.power = flight.arriving(surface.position);
             let power = luminance(flight.power) as f32;
             if !flight.is_sampled && power > 0.0 && power.is_finite() {
                 arrived(Photon {
@@ -116,13 +130,15 @@ impl<'a> Emission<'a> {
                 origin: surface.ray_origin(),
                 direction: scattering.direction,
                 power: flight.power * scattering.weight / survival,
+                inverse_range_squared: 0.0,
                 source: surface.position.as_vec3(),
                 is_sampled: false,
             };
         }
     }
 
-    fn emit(&self, &[choice, a, b, c, d]: &Start) -> Option<Flight> {
+    /// Light that leaves a light; `None` where the sampled point emits none.
+    pub(crate) fn emit(&self, &[choice, a, b, c, d]: &Start) -> Option<Flight> {
         let total = *self.cumulative.last()?;
         let choice = choice * total;
         let index = self.cumulative.partition_point(|sum| *sum <= choice);
@@ -137,7 +153,13 @@ impl<'a> Emission<'a> {
                 PunctualLight::Directional { towards, illuminance } => {
                     self.parallel(towards, illuminance, [a, b], true)
                 }
-                PunctualLight::Positional { position, intensity, axis, cone, .. } => {
+                PunctualLight::Positional {
+                    position,
+                    intensity,
+                    inverse_range_squared,
+                    axis,
+                    cone,
+                } => {
                     let least = least_cosine(cone);
                     let cosine = 1.0 - (1.0 - least) * a;
                     let mask = (cosine * cone.0 + cone.1).clamp(0.0, 1.0).powi(2);
@@ -145,6 +167,7 @@ impl<'a> Emission<'a> {
                         origin: position.as_vec3(),
                         direction: around(axis, cosine, b),
                         power: intensity * (mask * TAU * (1.0 - least)),
+                        inverse_range_squared,
                         source: position.as_vec3(),
                         is_sampled: true,
                     }
@@ -152,11 +175,20 @@ impl<'a> Emission<'a> {
             }
         } else if index == self.scene.lights.len() {
             let point = self.scene.emitters.sample(rest, [a, b])?;
-            let surface = Surface::new(&self.scene.geometry, &point.hit);
+            if is_cut_out(&self.scene.geometry, &point.hit) {
+                return None;
+            }
+            // Double-sided triangles shine to both sides.
+            let sides =
+                if self.scene.geometry.material(&point.hit).double_sided { 2.0 } else { 1.0 };
+            let side = if sides * c < 1.0 { Side::Front } else { Side::Back };
+            let c = (sides * c).fract();
+            let surface = Surface::new(&self.scene.geometry, &Hit { side, ..point.hit });
             Flight {
                 origin: surface.ray_origin(),
                 direction: around(surface.geometric_normal, c.sqrt(), d),
-                power: surface.emission * (PI / point.density),
+                power: surface.emission * (sides * PI / point.density),
+                inverse_range_squared: 0.0,
                 source: surface.position.as_vec3(),
                 is_sampled: samples_lights,
             }
@@ -184,6 +216,7 @@ impl<'a> Emission<'a> {
             origin: origin.as_vec3(),
             direction: -towards,
             power: illuminance * (PI * self.radius * self.radius),
+            inverse_range_squared: 0.0,
             source: (origin + towards * FAR).as_vec3(),
             is_sampled,
         }

@@ -15,10 +15,10 @@ const FREE_SHARE: f64 = 1.0 - 1e-5;
 /// A scene for [`render`](super::render()).
 #[derive(Debug)]
 pub struct ReferenceScene {
-    pub(super) geometry: Arc<SceneGeometry>,
+    pub(crate) geometry: Arc<SceneGeometry>,
     pub(super) lights: Vec<PunctualLight>,
-    pub(super) emitters: Emitters,
-    pub(super) sky: Sky,
+    pub(crate) emitters: Emitters,
+    pub(crate) sky: Sky,
     rays: Arc<RayScene>,
     /// By material, whether it is double-sided and opaque: most are, and their hits need no further
     /// test.
@@ -86,7 +86,7 @@ impl ReferenceScene {
     /// Bevy culls back faces of single-sided materials, so paths pass through them, at the camera
     /// and at every bounce alike: an invisible face emits and reflects nothing. Alpha cut-outs are
     /// ignored too.
-    pub(super) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
+    pub(crate) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
         self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| {
             self.accepts(hit, Side::Back)
         })
@@ -116,7 +116,7 @@ impl ReferenceScene {
     }
 
     /// Whether there are lights that scattered paths can hit.
-    pub(super) fn has_extended_light(&self) -> bool {
+    pub(crate) fn has_extended_light(&self) -> bool {
         !self.emitters.is_empty() || self.sky.is_lit()
     }
 

@@ -74,7 +74,7 @@ pub enum Strategy {
 impl Strategy {
     /// Weight of a sample of density `own`, which the other technique samples with density `other`.
     /// Where `other` is 0 the weight is 1.
-    pub(super) fn weight(self, is_light_sample: bool, own: f64, other: f64) -> f64 {
+    pub(crate) fn weight(self, is_light_sample: bool, own: f64, other: f64) -> f64 {
         match self {
             _ if other <= 0.0 => 1.0,
             Self::Combined => own / (own + other),
