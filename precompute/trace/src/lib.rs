@@ -12,14 +12,22 @@
 //! | `guide` | places from which much light comes, learned from photons |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | [`metrics`] | images, and differences between two |
+//! | `coded` | feature `coded`: a rolling shutter under modulated light |
+//! | `inverse` | feature `inverse`: dual images, and sources found from their light |
 //!
-//! Each module imports only those above it, [`integrator`] also [`metrics`]. `color` and `sampler`
-//! (random numbers) serve all.
+//! Each module imports only those above it, [`integrator`] also [`metrics`]. `color`, `sampler`
+//! (random numbers) and `fourier` serve all.
 
 pub mod bsdf;
+#[cfg(feature = "coded")]
+pub mod coded;
 mod color;
+#[cfg(any(feature = "coded", feature = "inverse"))]
+mod fourier;
 mod guide;
 pub mod integrator;
+#[cfg(feature = "inverse")]
+pub mod inverse;
 pub mod light;
 pub mod metrics;
 mod sampler;
