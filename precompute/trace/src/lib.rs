@@ -10,10 +10,12 @@
 //! | [`light`] | punctual lights, emissive triangles, the environment |
 //! | [`bsdf`] | the surface at a hit, and its reflection model |
 //! | `guide` | places from which much light comes, learned from photons |
+//! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | [`metrics`] | images, and differences between two |
 //! | `coded` | feature `coded`: a rolling shutter under modulated light |
 //! | `inverse` | feature `inverse`: dual images, and sources found from their light |
+//! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
 //! Each module imports only those above it, [`integrator`] also [`metrics`]. `color`, `sampler`
 //! (random numbers) and `fourier` serve all.
@@ -29,6 +31,10 @@ pub mod integrator;
 #[cfg(feature = "inverse")]
 pub mod inverse;
 pub mod light;
+#[cfg(feature = "media")]
+pub mod media;
 pub mod metrics;
 mod sampler;
 pub mod scene;
+#[cfg(feature = "time")]
+pub mod time;

@@ -13,11 +13,14 @@
 //! | `view` | a camera's rays |
 //! | `scatter` | directions in which a path goes on, guided or not |
 //! | `path` | radiance along one path |
+//! | `media` | light in fog; with the feature `media` |
 //! | `photons` | light along paths from the lights |
 //! | `learn` | what a guide learns from photons before an image |
 //! | `render` | a camera's image: sampling of pixels, on all CPU cores |
 
 mod learn;
+#[cfg(feature = "media")]
+mod media;
 mod path;
 mod photons;
 mod render;
@@ -26,6 +29,10 @@ mod scene;
 mod settings;
 mod view;
 
+#[cfg(feature = "time")]
+pub(crate) use path::{Arrival, Record};
+#[cfg(feature = "time")]
+pub(crate) use render::render_recorded;
 pub use render::{Rendering, Watch, render};
 pub use scene::ReferenceScene;
 pub use settings::{Guide, Pixels, Settings, Strategy};

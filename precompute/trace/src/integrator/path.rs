@@ -10,9 +10,9 @@ use crate::guide::Field;
 use crate::sampler::Sampler;
 
 /// Hits before Russian roulette begins, for paths of unlimited length.
-const CERTAIN_SURFACES: u32 = 4;
+pub(super) const CERTAIN_SURFACES: u32 = 4;
 /// Greatest survival probability: even where nothing is absorbed, a path ends.
-const GREATEST_SURVIVAL: f64 = 0.95;
+pub(super) const GREATEST_SURVIVAL: f64 = 0.95;
 
 /// One estimate of the radiance along a camera ray, nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,12 +37,12 @@ impl Estimate {
     }
 
     /// Adds light that `surfaces` surfaces scattered.
-    fn add(&mut self, surfaces: u32, light: DVec3) {
+    pub(super) fn add(&mut self, surfaces: u32, light: DVec3) {
         if surfaces <= 1 { self.direct += light } else { self.indirect += light }
     }
 
     /// The same for light of emissive surfaces and of the sky.
-    fn add_extended(&mut self, surfaces: u32, light: DVec3) {
+    pub(super) fn add_extended(&mut self, surfaces: u32, light: DVec3) {
         self.add(surfaces, light);
         if surfaces == 1 {
             self.extended += light;
@@ -50,15 +50,60 @@ impl Estimate {
     }
 }
 
+/// Light that one path brings to the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(not(feature = "time"), expect(dead_code, reason = "only time-resolved images read it"))]
+pub(crate) struct Arrival {
+    /// Linear RGB, nits, already divided by the density of the path.
+    pub(crate) light: DVec3,
+    /// Surfaces that scattered it.
+    pub(crate) surfaces: u32,
+    /// Metres from the light to where the camera's ray begins; from the first surface for light of
+    /// the sky and for parallel light.
+    pub(crate) length: f64,
+    /// The share of `length` between the surface that the camera sees and the ray's beginning.
+    pub(crate) last: f64,
+}
+
+/// What listens to the paths of a pixel, one after the other.
+pub(crate) trait Record {
+    /// A path begins, with a ray that starts so many metres from the eye.
+    fn begin(&mut self, _near: f64) {}
+    /// The path brings light.
+    fn arrived(&mut self, _: Arrival) {}
+    /// The path is at its end; it `counts` unless its estimate is dropped.
+    fn end(&mut self, _counts: bool) {}
+}
+
+impl Record for () {}
+
 /// Traces a path from `origin`, metres, in `direction`, a unit vector. `field` guides it.
+#[cfg(test)]
 pub(super) fn trace(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    field: Option<&Field>,
+    origin: Vec3,
+    direction: DVec3,
+    sampler: &mut Sampler,
+) -> Estimate {
+    trace_recorded(scene, settings, field, origin, direction, sampler, &mut ())
+}
+
+/// The same, and tells `record` of all light that arrives; in fog it is told nothing.
+pub(super) fn trace_recorded(
     scene: &ReferenceScene,
     settings: &Settings,
     field: Option<&Field>,
     mut origin: Vec3,
     mut direction: DVec3,
     sampler: &mut Sampler,
+    record: &mut impl Record,
 ) -> Estimate {
+    #[cfg(feature = "media")]
+    if let Some(fog) = &scene.fog {
+        return super::media::trace(scene, fog, settings, origin, direction, sampler);
+    }
     let mut estimate = Estimate::default();
     let mut throughput = DVec3::ONE;
     // The throughput that BSDF sampling would have had along the same path: roulette by the real
@@ -66,15 +111,22 @@ pub(super) fn trace(
     let mut reflectance = DVec3::ONE;
     // Sampling density of `direction`; none for the camera ray.
     let mut density = None;
+    let (mut length, mut last) = (0.0, 0.0);
     for surfaces in 0.. {
         let Some(hit) = scene.closest(origin, direction) else {
             let weight = density.map_or(1.0, |own| {
                 settings.strategy.weight(false, own, scene.sky.density(direction))
             });
-            estimate.add_extended(surfaces, throughput * scene.sky.radiance(direction) * weight);
+            let light = throughput * scene.sky.radiance(direction) * weight;
+            estimate.add_extended(surfaces, light);
+            record.arrived(Arrival { light, surfaces, length, last });
             break;
         };
         let surface = Surface::new(&scene.geometry, &hit);
+        length += surface.position.distance(origin.as_dvec3());
+        if surfaces == 0 {
+            last = length;
+        }
         let emitted = surface.emission;
         if emitted != DVec3::ZERO {
             let weight = density.map_or(1.0, |own| {
@@ -85,18 +137,26 @@ pub(super) fn trace(
                 );
                 settings.strategy.weight(false, own, per_steradian)
             });
-            estimate.add_extended(surfaces, throughput * emitted * weight);
+            let light = throughput * emitted * weight;
+            estimate.add_extended(surfaces, light);
+            record.arrived(Arrival { light, surfaces, length, last });
         }
         if settings.bounces.is_some_and(|bounces| surfaces > bounces) {
             break;
         }
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
         origin = surface.ray_origin();
-        estimate.add(surfaces + 1, throughput * punctual(scene, &bsdf, &surface, origin));
+        let mut arrived = |light: DVec3, distance: f64| {
+            let length = length + if distance.is_finite() { distance } else { 0.0 };
+            let light = throughput * light;
+            record.arrived(Arrival { light, surfaces: surfaces + 1, length, last });
+        };
+        let light = punctual(scene, &bsdf, &surface, origin, &mut arrived);
+        estimate.add(surfaces + 1, throughput * light);
         let scatter = Scatter::new(bsdf, &surface, field);
         estimate.add_extended(
             surfaces + 1,
-            throughput * extended(scene, settings, &scatter, origin, sampler),
+            throughput * extended(scene, settings, &scatter, origin, sampler, &mut arrived),
         );
         // Beyond the last surface a path can only hit a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
@@ -122,13 +182,20 @@ pub(super) fn trace(
 
 /// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
 /// no ray.
-fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
+fn punctual(
+    scene: &ReferenceScene,
+    bsdf: &Bsdf,
+    surface: &Surface,
+    origin: Vec3,
+    arrived: &mut impl FnMut(DVec3, f64),
+) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &scene.lights {
         let Some(incident) = light.incident(surface.position) else { continue };
         let reflected = bsdf.evaluate(incident.direction).0 * incident.illuminance;
         if reflected.max_element() > 0.0 && scene.is_lit(origin, &incident) {
             sum += reflected;
+            arrived(reflected, incident.distance);
         }
     }
     sum
@@ -142,6 +209,7 @@ fn extended(
     scatter: &Scatter,
     origin: Vec3,
     sampler: &mut Sampler,
+    arrived: &mut impl FnMut(DVec3, f64),
 ) -> DVec3 {
     let mut sum = DVec3::ZERO;
     if settings.strategy == Strategy::Scattering {
@@ -152,6 +220,7 @@ fn extended(
         let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
         if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
             sum += light;
+            arrived(light, distance);
         }
     };
     if !scene.emitters.is_empty() {

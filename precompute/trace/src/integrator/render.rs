@@ -4,7 +4,7 @@ use glam::{DVec3, UVec2};
 use rayon::prelude::*;
 
 use super::learn::learn;
-use super::path::trace;
+use super::path::{Record, trace_recorded};
 use super::scene::ReferenceScene;
 use super::settings::{Guide, Pixels, Settings};
 use super::view::View;
@@ -77,18 +77,32 @@ pub fn render(
     settings: &Settings,
     watch: Watch,
 ) -> Option<Rendering> {
+    render_recorded(scene, view, settings, watch, &|| ()).map(|(rendering, _)| rendering)
+}
+
+/// The same image, and what a record of each pixel's paths became, row by row.
+pub(crate) fn render_recorded<R: Record + Send>(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    watch: Watch,
+    record: &(dyn Fn() -> R + Sync),
+) -> Option<(Rendering, Vec<R>)> {
     let UVec2 { x: width, y: height } = view.size;
     let field = match settings.guide {
         Guide::None => None,
         Guide::Photons => learn(scene, view, settings, watch.interrupted)?,
     };
-    let rows: Vec<Vec<Pixel>> = (0..height)
+    let rows: Vec<Vec<(Pixel, R)>> = (0..height)
         .into_par_iter()
         .map(|y| {
             let row = (0..width)
                 .map(|x| {
-                    (!(watch.interrupted)())
-                        .then(|| pixel(scene, view, settings, field.as_ref(), x, y))
+                    (!(watch.interrupted)()).then(|| {
+                        let mut record = record();
+                        let own = pixel(scene, view, settings, field.as_ref(), x, y, &mut record);
+                        (own, record)
+                    })
                 })
                 .collect::<Option<Vec<_>>>();
             (watch.row_done)();
@@ -99,13 +113,15 @@ pub fn render(
     let empty = || Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) };
     let mut rendering =
         Rendering { direct: empty(), extended: empty(), indirect: empty(), dropped: 0 };
-    for ([direct, extended, indirect], dropped) in pixels {
+    let mut records = Vec::with_capacity((width * height) as usize);
+    for (([direct, extended, indirect], dropped), record) in pixels {
+        records.push(record);
         rendering.direct.rgb.push(direct);
         rendering.extended.rgb.push(extended);
         rendering.indirect.rgb.push(indirect);
         rendering.dropped += dropped;
     }
-    Some(rendering)
+    Some((rendering, records))
 }
 
 fn pixel(
@@ -115,6 +131,7 @@ fn pixel(
     field: Option<&Field>,
     x: u32,
     y: u32,
+    record: &mut impl Record,
 ) -> Pixel {
     let (mut parts, mut dropped) = ([DVec3::ZERO; 3], 0);
     let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
@@ -124,8 +141,12 @@ fn pixel(
         let offset = sampler.pair();
         let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
         let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
-        let estimate = trace(scene, settings, field, origin, direction, &mut sampler);
-        if estimate.fits_f32() {
+        record.begin(origin.as_dvec3().distance(view.pose.position.as_dvec3()));
+        let estimate =
+            trace_recorded(scene, settings, field, origin, direction, &mut sampler, record);
+        let fits = estimate.fits_f32();
+        record.end(fits);
+        if fits {
             let own = [estimate.direct, estimate.extended, estimate.indirect];
             parts.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
         } else {

@@ -23,6 +23,8 @@ pub struct ReferenceScene {
     /// By material, whether it is double-sided and opaque: most are, and their hits need no further
     /// test.
     is_solid: Vec<bool>,
+    #[cfg(feature = "media")]
+    pub(super) fog: Option<crate::media::Fog>,
 }
 
 impl ReferenceScene {
@@ -49,7 +51,29 @@ impl ReferenceScene {
             rays,
             sky,
             geometry,
+            #[cfg(feature = "media")]
+            fog: None,
         })
+    }
+
+    /// The same scene with fog in place of what fog it had. Fog that neither absorbs nor scatters
+    /// is none.
+    ///
+    /// # Errors
+    /// When the fog is not [valid](crate::media::Fog::validate).
+    #[cfg(feature = "media")]
+    pub fn with_fog(self, fog: crate::media::Fog) -> Result<Self, crate::media::FogError> {
+        fog.validate()?;
+        Ok(Self { fog: Some(fog).filter(|fog| !fog.is_empty()), ..self })
+    }
+
+    /// Whether there is fog.
+    #[cfg(feature = "time")]
+    pub(crate) fn has_fog(&self) -> bool {
+        #[cfg(feature = "media")]
+        return self.fog.is_some();
+        #[cfg(not(feature = "media"))]
+        false
     }
 
     /// Number of triangles that rays can hit.

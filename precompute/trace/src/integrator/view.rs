@@ -42,6 +42,14 @@ pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<FirstHit>> {
 }
 
 impl View {
+    /// Unit directions of the rays through the pixels' centres, row by row.
+    pub fn rays(&self) -> Vec<DVec3> {
+        let of = |index: u32| {
+            self.ray(f64::from(index % self.size.x) + 0.5, f64::from(index / self.size.x) + 0.5).1
+        };
+        (0..self.size.element_product()).map(of).collect()
+    }
+
     /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
     /// pixels from its upper left corner.
     pub(super) fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {

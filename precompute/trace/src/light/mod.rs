@@ -10,6 +10,8 @@ mod emitters;
 mod punctual;
 mod sky;
 
+#[cfg(feature = "media")]
+pub(crate) use emitters::EmitterPoint;
 pub(crate) use emitters::Emitters;
 pub use punctual::Light;
 pub(crate) use punctual::{IncidentLight, PunctualLight};

@@ -1,0 +1,283 @@
+//! A point of a path, on a surface or in fog, and the light that reaches it from the lights.
+
+use glam::{DVec3, Vec3};
+
+use super::super::scene::ReferenceScene;
+use super::super::settings::{Settings, Strategy};
+use crate::bsdf::{Bsdf, Surface, is_cut_out};
+use crate::light::{EmitterPoint, PunctualLight};
+use crate::media::{Distances, Equiangular, Fog, Line, density, sample};
+use crate::sampler::Sampler;
+
+/// A point of a path.
+pub(super) struct Vertex {
+    /// Metres.
+    pub(super) position: DVec3,
+    /// Where rays from it begin.
+    pub(super) origin: Vec3,
+    scattering: Scattering,
+}
+
+enum Scattering {
+    Surface(Bsdf),
+    Fog {
+        /// The line on which the point is.
+        line: Line,
+        /// Density of its distance by transmittance.
+        density: f64,
+        /// Distance from the start of the line.
+        distance: f64,
+        asymmetry: f64,
+        distances: Distances,
+    },
+}
+
+/// A sampled light: direction to it, metres to it, radiance, its density per steradian; and the
+/// point, for lights that are not infinitely far.
+struct Sampled {
+    direction: DVec3,
+    distance: f64,
+    radiance: DVec3,
+    density: f64,
+    point: Option<DVec3>,
+}
+
+/// Light that reaches a vertex and is scattered on: from punctual lights, and from others.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reached {
+    pub(super) punctual: DVec3,
+    pub(super) extended: DVec3,
+}
+
+impl Vertex {
+    /// A point on `surface`.
+    pub(super) fn surface(surface: &Surface, bsdf: Bsdf) -> Self {
+        Self {
+            position: surface.position,
+            origin: surface.ray_origin(),
+            scattering: Scattering::Surface(bsdf),
+        }
+    }
+
+    /// The point of `line` at a distance from its start.
+    pub(super) fn fog(fog: &Fog, line: Line, distance: f64) -> Self {
+        let position = line.at(distance);
+        Self {
+            position,
+            origin: position.as_vec3(),
+            scattering: Scattering::Fog {
+                line,
+                density: line.density(distance),
+                distance,
+                asymmetry: fog.asymmetry(),
+                distances: fog.distances,
+            },
+        }
+    }
+
+    /// BSDF × cosine, or phase function, for light from `direction`; and the density of
+    /// [`sample`](Self::sample), per steradian.
+    fn evaluate(&self, direction: DVec3) -> (DVec3, f64) {
+        match &self.scattering {
+            Scattering::Surface(bsdf) => bsdf.evaluate(direction),
+            Scattering::Fog { line, asymmetry, .. } => {
+                let share = density(*asymmetry, line.direction.dot(direction));
+                (DVec3::splat(share), share)
+            }
+        }
+    }
+
+    /// Samples a direction: with it, its weight and its density.
+    pub(super) fn sample(&self, sampler: &mut Sampler) -> Option<(DVec3, DVec3, f64)> {
+        match &self.scattering {
+            Scattering::Surface(bsdf) => {
+                let sample = bsdf.sample(sampler)?;
+                Some((sample.direction, sample.weight, sample.density))
+            }
+            Scattering::Fog { line, asymmetry, .. } => {
+                let direction = sample(*asymmetry, line.direction, sampler.pair());
+                let share = density(*asymmetry, line.direction.dot(direction));
+                Some((direction, DVec3::ONE, share))
+            }
+        }
+    }
+
+    /// Density with which [`along()`] looks for light of `point`, or of parallel light, at this
+    /// distance, relative to that by transmittance; 0 on surfaces.
+    pub(super) fn angular(&self, point: Option<DVec3>) -> f64 {
+        match &self.scattering {
+            Scattering::Fog { line, density, distance, distances, .. }
+                if *distances == Distances::Combined =>
+            {
+                angular(line, point).density(*distance) / density
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Light that reaches this point from all punctual lights, and from one point of an emissive
+    /// triangle and one of the sky.
+    pub(super) fn reached(
+        &self,
+        scene: &ReferenceScene,
+        fog: &Fog,
+        settings: &Settings,
+        sampler: &mut Sampler,
+    ) -> Reached {
+        let mut reached = Reached::default();
+        for light in &scene.lights {
+            let point = place(light);
+            // Along a line every light has its own distance.
+            let weight = 1.0 / (1.0 + self.angular(point));
+            reached.punctual += self.punctual(scene, fog, light) * weight;
+        }
+        if settings.strategy == Strategy::Scattering {
+            return reached;
+        }
+        let samples = [emitter(scene, self.position, sampler), sky(scene, sampler)];
+        for sampled in samples.into_iter().flatten() {
+            // An infinitely far light has no distance of its own along a line.
+            let angular = sampled.point.map_or(0.0, |point| self.angular(Some(point)));
+            let (light, other) = self.extended(scene, fog, &sampled);
+            let others = angular + scattering_share(settings, other / sampled.density);
+            let weight = 1.0 / (1.0 + others);
+            reached.extended += light * weight;
+        }
+        reached
+    }
+
+    /// Distance from the start of the line; 0 on surfaces.
+    fn distance(&self) -> f64 {
+        match self.scattering {
+            Scattering::Fog { distance, .. } => distance,
+            Scattering::Surface(_) => 0.0,
+        }
+    }
+
+    fn punctual(&self, scene: &ReferenceScene, fog: &Fog, light: &PunctualLight) -> DVec3 {
+        let Some(incident) = light.incident(self.position) else { return DVec3::ZERO };
+        let reflected = self.evaluate(incident.direction).0 * incident.illuminance;
+        if reflected.max_element() > 0.0 && scene.is_lit(self.origin, &incident) {
+            reflected * fog.transmittance(self.position, incident.direction, incident.distance)
+        } else {
+            DVec3::ZERO
+        }
+    }
+
+    /// Scattered light of a sampled one ÷ its density, and the density of [`sample`](Self::sample).
+    fn extended(&self, scene: &ReferenceScene, fog: &Fog, sampled: &Sampled) -> (DVec3, f64) {
+        let Sampled { direction, distance, radiance, density, .. } = *sampled;
+        let (reflected, other) = self.evaluate(direction);
+        let light = reflected * radiance / density;
+        let is_seen =
+            light.max_element() > 0.0 && scene.is_unoccluded(self.origin, direction, distance);
+        let through = || fog.transmittance(self.position, direction, distance);
+        (if is_seen { light * through() } else { DVec3::ZERO }, other)
+    }
+}
+
+/// Light that fog scatters once towards the start of `line`: with distances of each light's own,
+/// and weights for [`Vertex::reached`] at a distance by transmittance.
+pub(super) fn along(
+    scene: &ReferenceScene,
+    fog: &Fog,
+    settings: &Settings,
+    line: Line,
+    sampler: &mut Sampler,
+) -> Reached {
+    let mut reached = Reached::default();
+    if fog.distances != Distances::Combined || !line.scatters {
+        return reached;
+    }
+    let at = |point: Option<DVec3>, sampler: &mut Sampler| {
+        let distances = angular(&line, point);
+        let distance = distances.sample(sampler.number()).clamp(line.near, line.far);
+        let own = distances.density(distance);
+        let scattered = line.transmittance(distance) * fog.scattering() / own;
+        (Vertex::fog(fog, line, distance), own, scattered)
+    };
+    for light in &scene.lights {
+        let (vertex, own, scattered) = at(place(light), sampler);
+        let weight = own / (own + line.density(vertex.distance()));
+        reached.punctual += scattered * vertex.punctual(scene, fog, light) * weight;
+    }
+    if settings.strategy == Strategy::Scattering || scene.emitters.is_empty() {
+        return reached;
+    }
+    let (choice, pair) = (sampler.number(), sampler.pair());
+    if let Some(point) = scene.emitters.sample(choice, pair) {
+        let (vertex, own, scattered) = at(Some(point.position), sampler);
+        if let Some(sampled) = shining(scene, &point, vertex.position) {
+            let (light, other) = vertex.extended(scene, fog, &sampled);
+            let by_distance = line.density(vertex.distance());
+            let others = by_distance * (1.0 + scattering_share(settings, other / sampled.density));
+            reached.extended += scattered * light * (own / (own + others));
+        }
+    }
+    reached
+}
+
+/// The density of sampling by scattering, where the strategy uses it.
+fn scattering_share(settings: &Settings, density: f64) -> f64 {
+    if settings.strategy == Strategy::Lights { 0.0 } else { density }
+}
+
+/// Distances along `line` for light of a point, or of parallel light.
+fn angular(line: &Line, point: Option<DVec3>) -> Equiangular {
+    point.map_or_else(|| Equiangular::uniform(line), |point| Equiangular::towards(line, point))
+}
+
+/// Where a light is; none for parallel light.
+fn place(light: &PunctualLight) -> Option<DVec3> {
+    match light {
+        PunctualLight::Directional { .. } => None,
+        PunctualLight::Positional { position, .. } => Some(*position),
+    }
+}
+
+/// A point of an emissive triangle that shines on `position`.
+fn emitter(scene: &ReferenceScene, position: DVec3, sampler: &mut Sampler) -> Option<Sampled> {
+    if scene.emitters.is_empty() {
+        return None;
+    }
+    let (choice, pair) = (sampler.number(), sampler.pair());
+    shining(scene, &scene.emitters.sample(choice, pair)?, position)
+}
+
+fn shining(scene: &ReferenceScene, point: &EmitterPoint, position: DVec3) -> Option<Sampled> {
+    let ray = point.position - position;
+    let surface = Surface::new(&scene.geometry, &point.hit);
+    let density = per_steradian(point.density, ray, surface.geometric_normal);
+    let shines = ray.dot(surface.geometric_normal) < 0.0 || surface.material.double_sided;
+    let counts =
+        shines && density.is_finite() && density > 0.0 && !is_cut_out(&scene.geometry, &point.hit);
+    counts.then(|| Sampled {
+        direction: ray.normalize(),
+        distance: ray.length(),
+        radiance: surface.emission,
+        density,
+        point: Some(point.position),
+    })
+}
+
+fn sky(scene: &ReferenceScene, sampler: &mut Sampler) -> Option<Sampled> {
+    if !scene.sky.is_lit() {
+        return None;
+    }
+    let (choice, pair) = (sampler.number(), sampler.pair());
+    let sample = scene.sky.sample(choice, pair).filter(|sample| sample.density > 0.0)?;
+    Some(Sampled {
+        direction: sample.direction,
+        distance: f64::INFINITY,
+        radiance: sample.radiance,
+        density: sample.density,
+        point: None,
+    })
+}
+
+/// Converts a density per m² on a surface with `normal` into a density per steradian at the start
+/// of `ray` (metres), which ends on that surface.
+pub(super) fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
+    let squared = ray.length_squared();
+    per_square_metre * squared * squared.sqrt() / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,171 @@
+//! Samplers against their densities, and transmittance against its closed form.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+
+use super::*;
+use crate::sampler::Sampler;
+use crate::scene::Bounds;
+
+fn fog(absorption: f32, scattering: f32) -> Fog {
+    Fog {
+        absorption: [absorption; 3],
+        scattering: [scattering; 3],
+        asymmetry: 0.0,
+        bounds: Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
+        distances: Distances::Combined,
+    }
+}
+
+/// Chi-square of `count` samples in equal cells against the expected number of each; fails in one
+/// of 10⁵ runs if they agree.
+fn assert_chi_square(observed: &[f64], expected: &[f64]) {
+    let cells = observed.iter().zip(expected).filter(|(_, expected)| **expected > 5.0);
+    let (mut sum, mut degrees) = (0.0, -1.0);
+    for (observed, expected) in cells {
+        sum += (observed - expected).powi(2) / expected;
+        degrees += 1.0;
+    }
+    // Wilson and Hilferty's approximation of the quantile.
+    let spread: f64 = 2.0 / (9.0 * degrees);
+    let limit = degrees * (1.0 - spread + 4.26 * spread.sqrt()).powi(3);
+    assert!(degrees > 10.0 && sum < limit, "{sum} of {degrees}, at most {limit}");
+}
+
+#[test]
+fn the_phase_function_is_normalised_and_its_mean_cosine_is_the_asymmetry() {
+    for asymmetry in [-0.9, -0.3, 0.0, 5e-5, 0.5, 0.95] {
+        let steps = 200_000;
+        let (mut sum, mut mean) = (0.0, 0.0);
+        for step in 0..steps {
+            let cosine = (f64::from(step) + 0.5) / f64::from(steps) * 2.0 - 1.0;
+            let share = density(asymmetry, cosine) * TAU * 2.0 / f64::from(steps);
+            sum += share;
+            mean += share * cosine;
+        }
+        assert!((sum - 1.0).abs() < 1e-5, "{asymmetry}: {sum}");
+        assert!((mean - asymmetry).abs() < 1e-4, "{asymmetry}: {mean}");
+    }
+    assert!((density(0.0, 0.3) - 1.0 / (4.0 * PI)).abs() < 1e-15);
+}
+
+#[test]
+fn sampled_directions_have_the_density_of_the_phase_function() {
+    let axis = DVec3::new(0.6, -0.48, 0.64);
+    let (right, up) = axis.any_orthonormal_pair();
+    for asymmetry in [-0.6, 0.0, 0.7] {
+        let (rows, columns, count) = (24, 8, 1 << 16);
+        let mut observed = vec![0.0; rows * columns];
+        let mut expected = vec![0.0; rows * columns];
+        for i in 0..count {
+            let mut sampler = Sampler::new(3, i, 0);
+            let direction = sample(asymmetry, axis, sampler.pair());
+            assert!((direction.length() - 1.0).abs() < 1e-12);
+            let row = (0.5 * (1.0 + direction.dot(axis)) * rows as f64) as usize;
+            let turn = direction.dot(right).atan2(direction.dot(up)) / TAU + 0.5;
+            let column = (turn * columns as f64) as usize;
+            observed[row.min(rows - 1) * columns + column.min(columns - 1)] += 1.0;
+        }
+        for (cell, expected) in expected.iter_mut().enumerate() {
+            let steps = 64;
+            let row = (cell / columns) as f64;
+            for step in 0..steps {
+                let height = (row + (f64::from(step) + 0.5) / f64::from(steps)) / rows as f64;
+                let share = 4.0 * PI / (rows * columns) as f64 / f64::from(steps);
+                *expected += density(asymmetry, 2.0 * height - 1.0) * share * count as f64;
+            }
+        }
+        assert_chi_square(&observed, &expected);
+    }
+}
+
+#[test]
+fn sampled_distances_have_their_densities() {
+    let fog = Fog { scattering: [0.3, 0.9, 2.0], ..fog(0.1, 0.0) };
+    let line = fog.line(DVec3::new(0.2, -3.0, 0.1), DVec3::Y, 10.0).unwrap();
+    assert!((line.near - 2.0).abs() < 1e-12 && (line.far - 4.0).abs() < 1e-12);
+    let point = Equiangular::towards(&line, DVec3::new(0.5, -0.4, 0.3));
+    let outside = Equiangular::towards(&line, DVec3::new(0.2, 5.0, 0.3));
+    let far = Equiangular::towards(&line, DVec3::splat(1e14));
+    assert!(matches!(far, Equiangular::Uniform { .. }));
+    let (cells, count) = (40, 1 << 16);
+    let check = |sample: &dyn Fn(&mut Sampler) -> Option<f64>, density: &dyn Fn(f64) -> f64| {
+        let mut observed = vec![0.0; cells + 1];
+        for i in 0..count {
+            let distance = sample(&mut Sampler::new(5, i, 0));
+            let cell = distance.map_or(cells, |distance| {
+                (((distance - 2.0) / 2.0 * cells as f64) as usize).min(cells - 1)
+            });
+            observed[cell] += 1.0;
+        }
+        let mut expected: Vec<f64> = (0..cells)
+            .map(|cell| {
+                let at = |step: i32| {
+                    2.0 + 2.0 * (cell as f64 + (f64::from(step) + 0.5) / 64.0) / cells as f64
+                };
+                (0..64).map(|step| density(at(step))).sum::<f64>() * 2.0 / 64.0 / cells as f64
+            })
+            .collect();
+        expected.push(1.0 - expected.iter().sum::<f64>());
+        expected.iter_mut().for_each(|expected| *expected *= count as f64);
+        assert_chi_square(&observed, &expected);
+        expected[cells] / count as f64
+    };
+    let through = check(&|sampler| line.sample(sampler.pair()), &|distance| line.density(distance));
+    assert!((through - line.survival()).abs() < 1e-4, "{through}");
+    for distances in [point, outside, far] {
+        let through = check(&|sampler| Some(distances.sample(sampler.number())), &|distance| {
+            distances.density(distance)
+        });
+        assert!(through.abs() < 1e-4, "{distances:?}: {through}");
+    }
+}
+
+#[test]
+fn fog_dims_by_beer_and_lambert_within_its_box_only() {
+    let fog = fog(0.25, 0.5);
+    let at = |origin: DVec3, direction: DVec3, reach: f64| -> f64 {
+        fog.transmittance(origin, direction, reach).x
+    };
+    for (expected, found) in [
+        (1.5, at(DVec3::X * -5.0, DVec3::X, f64::INFINITY)),
+        (0.75, at(DVec3::ZERO, DVec3::Z, 7.0)),
+        (0.375, at(DVec3::ZERO, DVec3::NEG_Y, 0.5)),
+        (0.0, at(DVec3::X * -5.0, DVec3::X, 3.0)),
+        (0.0, at(DVec3::X * -5.0, DVec3::NEG_X, f64::INFINITY)),
+        (0.0, at(DVec3::new(0.0, 2.0, -9.0), DVec3::Z, f64::INFINITY)),
+        // Along an edge of the box.
+        (1.5, at(DVec3::new(1.0, 1.0, -2.0), DVec3::Z, f64::INFINITY)),
+    ] {
+        assert!((found - f64::exp(-expected)).abs() < 1e-12, "{found}, not exp(-{expected})");
+    }
+}
+
+#[test]
+fn bad_fog_is_refused() {
+    let good = fog(0.1, 0.2);
+    assert_eq!(good.validate(), Ok(()));
+    let bad = |change: &dyn Fn(&mut Fog)| {
+        let mut fog = good;
+        change(&mut fog);
+        fog.validate().is_err()
+    };
+    assert!(bad(&|fog| fog.absorption[1] = -0.1));
+    assert!(bad(&|fog| fog.scattering[2] = f32::NAN));
+    assert!(bad(&|fog| fog.scattering[0] = f32::INFINITY));
+    assert!(bad(&|fog| fog.asymmetry = 1.0));
+    assert!(bad(&|fog| fog.asymmetry = f32::NAN));
+    assert!(bad(&|fog| fog.bounds.max.x = -2.0));
+    assert!(bad(&|fog| fog.bounds.min.y = f32::NEG_INFINITY));
+    assert!(fog(0.0, 0.0).is_empty() && !good.is_empty());
+    // A light on the ray, and a box without volume.
+    let line = good.line(DVec3::ZERO, DVec3::X, 1.0).unwrap();
+    let on = Equiangular::towards(&line, DVec3::X * 0.5);
+    assert!([0.0, 0.5, 0.999].into_iter().all(|number| {
+        let distance = on.sample(number);
+        distance.is_finite() && on.density(distance).is_finite()
+    }));
+    let flat = Fog { bounds: Bounds { min: Vec3::ZERO, max: Vec3::ZERO }, ..good };
+    assert!(flat.line(DVec3::NEG_X, DVec3::X, f64::INFINITY).is_none());
+}

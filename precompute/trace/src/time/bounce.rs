@@ -1,0 +1,119 @@
+//! What a time-of-flight camera can know of its multipath error: light of two bounces, both at
+//! places that it sees.
+//!
+//! Fuchs 2010, "Multipath Interference Compensation in Time-of-Flight Camera Images": what the
+//! camera measured gives positions, and with a lamp at the eye the reflectance; they give what
+//! surfaces send each other, which is taken off. Each pixel is a virtual point light, so that the
+//! same sum is that of a renderer's virtual point lights. Quadratic in the number of pixels.
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::flight::{Capture, phasor};
+
+/// A lamp at the eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    /// Luminous intensity, candela, above 0; the same in all directions.
+    pub intensity: f64,
+}
+
+/// A place that a pixel stands for.
+#[derive(Clone, Copy)]
+struct Patch {
+    position: DVec3,
+    normal: DVec3,
+    /// Metres from the eye.
+    distance: f64,
+    /// Direct light that the pixel shows, nits.
+    radiance: f64,
+    /// Reflected radiance ÷ illuminance.
+    reflectance: f64,
+    /// m².
+    area: f64,
+}
+
+/// The phasors of `capture.all` without the light of two bounces, in `rounds` rounds: each takes
+/// off what follows from the last one's distances. `width` is the number of pixels in a row.
+/// Pixels without a neighbour or without light keep their phasors; so does everything where the
+/// number of pixels is no multiple of `width` or the lamp is dark.
+pub fn without_bounce(capture: &Capture, width: usize, lamp: Lamp, rounds: u32) -> Vec<DVec2> {
+    let count = capture.all.len();
+    let mut direct = capture.all.clone();
+    let lit = lamp.intensity.is_finite() && lamp.intensity > 0.0;
+    if width < 2 || count < 2 * width || !count.is_multiple_of(width) || !lit {
+        return direct;
+    }
+    for _ in 0..rounds {
+        let patches = patches(capture, &direct, width, lamp);
+        direct = (0..count)
+            .into_par_iter()
+            .map(|pixel| {
+                let Some(own) = &patches[pixel] else { return capture.all[pixel] };
+                let others = patches.iter().enumerate().filter(|(other, _)| *other != pixel);
+                let bounced: DVec2 = others
+                    .filter_map(|(_, other)| other.as_ref())
+                    .map(|other| bounce(own, other, capture.frequency))
+                    .sum();
+                capture.all[pixel] - bounced
+            })
+            .collect();
+    }
+    direct
+}
+
+/// Light eye → `from` → `to` → eye.
+fn bounce(to: &Patch, from: &Patch, frequency: f64) -> DVec2 {
+    let ray = from.position - to.position;
+    let squared = ray.length_squared();
+    let distance = squared.sqrt();
+    let cosines = (ray.dot(to.normal) * -ray.dot(from.normal)).max(0.0);
+    if cosines <= 0.0 || ray.dot(to.normal) <= 0.0 {
+        return DVec2::ZERO;
+    }
+    // A patch as a disc: a point would be infinitely bright at its neighbours.
+    let form = cosines / (squared * (squared + from.area / std::f64::consts::PI));
+    let light = from.radiance * from.area * form * to.reflectance;
+    phasor(light, to.distance + distance + from.distance, frequency)
+}
+
+fn patches(capture: &Capture, direct: &[DVec2], width: usize, lamp: Lamp) -> Vec<Option<Patch>> {
+    let depths = capture.depths(direct);
+    let height = depths.len() / width;
+    let position = |pixel: usize| Some(capture.rays[pixel] * depths[pixel]?);
+    // The difference to the nearer neighbour in depth, which is more often on the same surface.
+    let slope = |pixel: usize, step: usize, before: bool, after: bool| {
+        let own = position(pixel)?;
+        let back = before.then(|| position(pixel - step)).flatten().map(|other| own - other);
+        let ahead = after.then(|| position(pixel + step)).flatten().map(|other| other - own);
+        [back, ahead]
+            .into_iter()
+            .flatten()
+            .min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+    };
+    (0..depths.len())
+        .map(|pixel| {
+            let (x, y) = (pixel % width, pixel / width);
+            let across = slope(pixel, 1, x > 0, x + 1 < width)?;
+            let down = slope(pixel, width, y > 0, y + 1 < height)?;
+            let normal = down.cross(across).normalize_or_zero();
+            let ray = capture.rays[pixel];
+            let normal = if normal.dot(ray) > 0.0 { -normal } else { normal };
+            let distance = depths[pixel]?;
+            let cosine = -normal.dot(ray);
+            let radiance = direct[pixel].length();
+            let illuminance = lamp.intensity * cosine / (distance * distance);
+            let patch = Patch {
+                position: ray * distance,
+                normal,
+                distance,
+                radiance,
+                // A surface reflects no more than it receives, however steep it seems.
+                reflectance: (radiance / illuminance).min(std::f64::consts::FRAC_1_PI),
+                area: capture.solid_angle(width, pixel) * distance * distance / cosine.max(0.05),
+            };
+            let is_sound = distance > 0.0 && cosine > 0.0 && patch.reflectance.is_finite();
+            is_sound.then_some(patch)
+        })
+        .collect()
+}

@@ -1,0 +1,247 @@
+//! The image of each frame, in one call with the steady one.
+
+use glam::DVec3;
+
+use super::SPEED_OF_LIGHT;
+use super::density::{bandwidth, kernel};
+use crate::integrator::{
+    Arrival, Record, ReferenceScene, Rendering, Settings, View, Watch, render_recorded,
+};
+
+/// Frames of equal duration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Start of the first frame, seconds after the flash.
+    pub start: f64,
+    /// End of the last frame, seconds, above `start`.
+    pub end: f64,
+    /// Number of frames, from 1 to 65 536.
+    pub frames: u32,
+    /// Whether the way from the first visible surface to the camera takes no time: light then
+    /// sweeps over surfaces as it does in the world.
+    pub at_surfaces: bool,
+}
+
+/// How an arrival spreads over frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spread {
+    /// To the frame of its time: means over frames, whose sum is the steady image.
+    Bins,
+    /// By a kernel of this bandwidth, seconds: values at the frames' middles.
+    Kernel(f64),
+}
+
+/// Why there is no time-resolved image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TimeError {
+    /// The window is empty, not finite, or has no frames or too many.
+    #[error("a window needs a start before its end, both finite, and 1 to 65536 frames")]
+    Window,
+    /// A bandwidth or frequency is not finite or not above 0.
+    #[error("a bandwidth or frequency must be finite and above 0")]
+    NotPositive,
+    /// Paths through fog carry no lengths.
+    #[error("the scene has fog, in which the tracer follows no times")]
+    Fog,
+    /// The caller interrupted it.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// A time-resolved image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frames {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The frames' times.
+    pub window: Window,
+    /// By pixel, row by row from the top, then by frame: linear RGB, nits per second.
+    pub values: Vec<[f32; 3]>,
+    /// By pixel: light outside of the window, nits.
+    pub outside: Vec<[f32; 3]>,
+}
+
+impl Window {
+    /// Seconds of a frame.
+    pub fn duration(&self) -> f64 {
+        (self.end - self.start) / f64::from(self.frames)
+    }
+
+    /// Time in the middle of a frame, seconds.
+    pub fn middle(&self, frame: u32) -> f64 {
+        self.start + (f64::from(frame) + 0.5) * self.duration()
+    }
+
+    /// Checks the fields' ranges.
+    ///
+    /// # Errors
+    /// When one is out of range.
+    pub fn validate(&self) -> Result<(), TimeError> {
+        let fits = self.start.is_finite() && self.end.is_finite() && self.duration() > 0.0;
+        if fits && (1..=65_536).contains(&self.frames) { Ok(()) } else { Err(TimeError::Window) }
+    }
+}
+
+impl Frames {
+    /// One frame: linear RGB, nits per second, row by row; `None` beyond the last.
+    pub fn frame(&self, frame: u32) -> Option<Vec<[f32; 3]>> {
+        let count = self.window.frames as usize;
+        let one = |pixel: &[[f32; 3]]| pixel[frame as usize];
+        (frame < self.window.frames).then(|| self.values.chunks_exact(count).map(one).collect())
+    }
+
+    /// Integral over time of each pixel, nits, with the light outside of the window: of bins it is
+    /// the steady image.
+    pub fn integral(&self) -> Vec<[f32; 3]> {
+        let pixels = self.values.chunks_exact(self.window.frames as usize).zip(&self.outside);
+        pixels
+            .map(|(frames, outside)| {
+                let sum = frames.iter().fold(DVec3::ZERO, |sum, value| sum + wide(*value));
+                (sum * self.window.duration() + wide(*outside)).as_vec3().to_array()
+            })
+            .collect()
+    }
+}
+
+/// A pixel's frames as they are filled.
+struct Film {
+    window: Window,
+    spread: Spread,
+    near: f64,
+    pending: Vec<Arrival>,
+    values: Vec<DVec3>,
+    outside: DVec3,
+    paths: u32,
+}
+
+impl Record for Film {
+    fn begin(&mut self, near: f64) {
+        self.near = near;
+    }
+
+    fn arrived(&mut self, arrival: Arrival) {
+        self.pending.push(arrival);
+    }
+
+    fn end(&mut self, counts: bool) {
+        self.paths += u32::from(counts);
+        // Taken, so that a dropped path leaves nothing.
+        for arrival in std::mem::take(&mut self.pending) {
+            if counts {
+                self.add(arrival);
+            }
+        }
+    }
+}
+
+impl Film {
+    fn new(window: Window, spread: Spread) -> Self {
+        let values = vec![DVec3::ZERO; window.frames as usize];
+        let (pending, outside) = (Vec::new(), DVec3::ZERO);
+        Self { window, spread, near: 0.0, pending, values, outside, paths: 0 }
+    }
+
+    fn add(&mut self, arrival: Arrival) {
+        let length =
+            arrival.length + if self.window.at_surfaces { -arrival.last } else { self.near };
+        let (time, step) = (length / SPEED_OF_LIGHT, self.window.duration());
+        let place = (time - self.window.start) / step;
+        let is_inside = place >= 0.0 && place < f64::from(self.window.frames);
+        if !is_inside {
+            self.outside += arrival.light;
+        }
+        match self.spread {
+            Spread::Bins if is_inside => self.values[place as usize] += arrival.light / step,
+            Spread::Bins => {}
+            Spread::Kernel(width) => {
+                let last = f64::from(self.window.frames - 1);
+                let reach = width / step;
+                let (from, to) = (place - 0.5 - reach, place - 0.5 + reach);
+                if to < 0.0 || from > last {
+                    return;
+                }
+                for frame in from.ceil().max(0.0) as u32..=to.floor().min(last) as u32 {
+                    let distance = self.window.middle(frame) - time;
+                    self.values[frame as usize] += arrival.light * kernel(distance, width);
+                }
+            }
+        }
+    }
+}
+
+/// Path-traces `view` of `scene` once, for the steady image and for the time-resolved one. The
+/// steady image is, bit by bit, that of [`render`](crate::integrator::render()).
+///
+/// Memory: 12 bytes for each frame of each pixel, and 24 more while it runs.
+///
+/// # Errors
+/// When the window or the bandwidth is out of range, the scene has fog, or `watch` interrupts.
+pub fn frames(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    window: Window,
+    spread: Spread,
+    watch: Watch,
+) -> Result<(Rendering, Frames), TimeError> {
+    window.validate()?;
+    if matches!(spread, Spread::Kernel(width) if !(width.is_finite() && width > 0.0)) {
+        return Err(TimeError::NotPositive);
+    }
+    if scene.has_fog() {
+        return Err(TimeError::Fog);
+    }
+    let (rendering, films) =
+        render_recorded(scene, view, settings, watch, &|| Film::new(window, spread))
+            .ok_or(TimeError::Interrupted)?;
+    let (mut values, mut outside) = (Vec::new(), Vec::new());
+    for film in films {
+        let share = 1.0 / f64::from(film.paths.max(1));
+        values.extend(film.values.iter().map(|value| (*value * share).as_vec3().to_array()));
+        outside.push((film.outside * share).as_vec3().to_array());
+    }
+    let frames = Frames { width: view.size.x, height: view.size.y, window, values, outside };
+    Ok((rendering, frames))
+}
+
+/// The mean of `passes` passes with kernels that shrink from `first` seconds, see [`bandwidth`];
+/// each pass has `settings.samples` paths per pixel and its own random numbers.
+///
+/// # Errors
+/// As of [`frames`].
+pub fn progressive(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    window: Window,
+    first: f64,
+    passes: u32,
+    watch: Watch,
+) -> Result<Frames, TimeError> {
+    let mut mean: Option<Frames> = None;
+    for pass in 0..passes.max(1) {
+        let seed = settings.seed.wrapping_add(u64::from(pass) << 32);
+        let spread = Spread::Kernel(bandwidth(first, pass));
+        let settings = Settings { seed, ..*settings };
+        let (_, next) = frames(scene, view, &settings, window, spread, watch)?;
+        let share = 1.0 / (pass as f32 + 1.0);
+        let blend = |mean: &mut [f32; 3], next: &[f32; 3]| {
+            (0..3).for_each(|i| mean[i] += (next[i] - mean[i]) * share);
+        };
+        match &mut mean {
+            None => mean = Some(next),
+            Some(mean) => {
+                mean.values.iter_mut().zip(&next.values).for_each(|(mean, next)| blend(mean, next));
+                mean.outside.iter_mut().zip(&next.outside).for_each(|(a, b)| blend(a, b));
+            }
+        }
+    }
+    mean.ok_or(TimeError::Interrupted)
+}
+
+fn wide(rgb: [f32; 3]) -> DVec3 {
+    DVec3::from_array(rgb.map(f64::from))
+}

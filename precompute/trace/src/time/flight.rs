@@ -1,0 +1,151 @@
+//! A time-of-flight camera: the light is modulated, and its phase tells how far it went.
+//!
+//! Lange and Seitz 2001, "Solid-State Time-of-Flight Range Camera": continuous waves, ideal
+//! sinusoids, four phases. A phasor is a pair of real and imaginary part: the sum over all paths of
+//! amplitude × exp(i 2π f length ÷ c).
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec2;
+
+use super::SPEED_OF_LIGHT;
+use super::film::TimeError;
+use crate::color::luminance;
+use crate::integrator::{
+    Arrival, Record, ReferenceScene, Settings, View, Watch, render_recorded, surfaces,
+};
+
+/// What one path of `length` metres adds to a pixel's phasor, at a modulation `frequency` in hertz.
+pub fn phasor(amplitude: f64, length: f64, frequency: f64) -> DVec2 {
+    DVec2::from_angle(TAU * (length * frequency / SPEED_OF_LIGHT).fract()) * amplitude
+}
+
+/// The four values that a sensor measures, a quarter of a period apart: correlation with the emitted
+/// wave. `offset` is unmodulated light, which the depth does not depend on.
+pub fn phases(phasor: DVec2, offset: f64) -> [f64; 4] {
+    [offset + phasor.x, offset - phasor.y, offset - phasor.x, offset + phasor.y]
+}
+
+/// Distance that four phases stand for, metres, in [0, [`range`]); `None` where there is no
+/// modulated light, or values are not finite. With the light at the camera it is half the path of
+/// the light; more paths than one are an error that no phase shows.
+pub fn depth([c1, c2, c3, c4]: [f64; 4], frequency: f64) -> Option<f64> {
+    let (x, y) = (c1 - c3, c4 - c2);
+    let metres = y.atan2(x).rem_euclid(TAU) / TAU * range(frequency);
+    // A tiny negative angle rounds to a full turn.
+    let metres = if metres >= range(frequency) { 0.0 } else { metres };
+    (x != 0.0 || y != 0.0).then_some(metres).filter(|metres| metres.is_finite())
+}
+
+/// Distance at which the phase of a `frequency` in hertz begins anew, metres.
+pub fn range(frequency: f64) -> f64 {
+    SPEED_OF_LIGHT / (2.0 * frequency)
+}
+
+/// What a time-of-flight camera measures, by pixel, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// Hertz.
+    pub frequency: f64,
+    /// Phasors of all light that surfaces scattered, nits.
+    pub all: Vec<DVec2>,
+    /// Of light that one surface scattered.
+    pub direct: Vec<DVec2>,
+    /// True distance from the eye along the ray through the pixel's middle, metres.
+    pub distances: Vec<Option<f64>>,
+    /// Unit vectors of the rays through the pixels' middles, in the world.
+    pub rays: Vec<glam::DVec3>,
+}
+
+struct Correlation {
+    frequency: f64,
+    near: f64,
+    /// All light and direct light, of this path and of those before.
+    path: [DVec2; 2],
+    sums: [DVec2; 2],
+    paths: u32,
+}
+
+impl Record for Correlation {
+    fn begin(&mut self, near: f64) {
+        self.near = near;
+    }
+
+    fn arrived(&mut self, arrival: Arrival) {
+        // What shines into the camera itself is not the modulated lamp's light on a surface.
+        if arrival.surfaces == 0 {
+            return;
+        }
+        let length = arrival.length + self.near;
+        let own = phasor(luminance(arrival.light), length, self.frequency);
+        self.path[0] += own;
+        if arrival.surfaces == 1 {
+            self.path[1] += own;
+        }
+    }
+
+    fn end(&mut self, counts: bool) {
+        let path = std::mem::take(&mut self.path);
+        if counts {
+            self.paths += 1;
+            (0..2).for_each(|i| self.sums[i] += path[i]);
+        }
+    }
+}
+
+/// Path-traces what a time-of-flight camera measures at `frequency`, hertz, when all lights of the
+/// scene are modulated; a lamp at the eye makes it a camera of this kind.
+///
+/// # Errors
+/// When the frequency is not above 0, the scene has fog, or `watch` interrupts.
+pub fn capture(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    frequency: f64,
+    watch: Watch,
+) -> Result<Capture, TimeError> {
+    if !(frequency.is_finite() && frequency > 0.0) {
+        return Err(TimeError::NotPositive);
+    }
+    if scene.has_fog() {
+        return Err(TimeError::Fog);
+    }
+    let empty = || Correlation {
+        frequency,
+        near: 0.0,
+        path: [DVec2::ZERO; 2],
+        sums: [DVec2::ZERO; 2],
+        paths: 0,
+    };
+    let (_, records) =
+        render_recorded(scene, view, settings, watch, &empty).ok_or(TimeError::Interrupted)?;
+    let pick = |i: usize| -> Vec<DVec2> {
+        records.iter().map(|record| record.sums[i] / f64::from(record.paths.max(1))).collect()
+    };
+    let eye = view.pose.position.as_dvec3();
+    let hits = surfaces(scene, view).into_iter();
+    let distances = hits.map(|hit| hit.map(|hit| hit.position.distance(eye))).collect();
+    Ok(Capture { frequency, all: pick(0), direct: pick(1), distances, rays: view.rays() })
+}
+
+impl Capture {
+    /// Distances that `phasors` stand for, metres.
+    pub fn depths(&self, phasors: &[DVec2]) -> Vec<Option<f64>> {
+        phasors.iter().map(|own| depth(phases(*own, 0.0), self.frequency)).collect()
+    }
+
+    /// Solid angle of a pixel, steradians, from its neighbours' rays.
+    pub(super) fn solid_angle(&self, width: usize, pixel: usize) -> f64 {
+        let at = |index: usize| self.rays[index.min(self.rays.len() - 1)];
+        let (x, y) = (pixel % width, pixel / width);
+        let right = if x + 1 < width { pixel + 1 } else { pixel - usize::from(x > 0) };
+        let below = if (y + 1) * width < self.rays.len() {
+            pixel + width
+        } else {
+            pixel.saturating_sub(width)
+        };
+        let (a, b, c) = (at(pixel), at(right), at(below));
+        ((b - a).cross(c - a)).length().min(PI)
+    }
+}
