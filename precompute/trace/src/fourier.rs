@@ -70,9 +70,8 @@ mod tests {
     fn it_is_the_sum_that_defines_it_and_is_inverted() {
         for length in [2, 8, 64] {
             let fourier = Fourier::at_least(length);
-            let values: Vec<DVec2> = (0..length)
-                .map(|i| DVec2::new((i * i) as f64 % 7.0, (i as f64).sin()))
-                .collect();
+            let values: Vec<DVec2> =
+                (0..length).map(|i| DVec2::new((i * i) as f64 % 7.0, (i as f64).sin())).collect();
             let mut found = values.clone();
             fourier.forward(&mut found);
             for (k, found) in found.iter().enumerate() {

@@ -13,8 +13,8 @@
 //! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | [`metrics`] | images, and differences between two |
-//! | `coded` | feature `coded`: a rolling shutter under modulated light |
-//! | `inverse` | feature `inverse`: dual images, and sources found from their light |
+//! | `coded` | a rolling shutter under modulated light; with the feature `coded` |
+//! | `inverse` | dual images, and sources found from their light; with the feature `inverse` |
 //! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
 //! Each module imports only those above it, [`integrator`] also [`metrics`]. `color`, `sampler`

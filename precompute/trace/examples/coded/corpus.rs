@@ -10,7 +10,7 @@ use frugal_trace::scene::{
 };
 use glam::{Quat, UVec2, Vec2, Vec3};
 
-/// Pixels: every 32nd column or so of an image, since its rows are what matters.
+/// Pixels: every 40th column or so of an image, since its rows are what matters.
 pub(crate) const SIZE: UVec2 = UVec2::new(32, 1024);
 const STRIPS: u16 = 4;
 /// Pictures of each of the three kinds.
@@ -67,8 +67,10 @@ fn one(kind: &'static str, seed: u64, i: u64) -> Case {
             let own = flat(f64::from(x) / f64::from(SIZE.x), f64::from(y) / f64::from(SIZE.y));
             own * (1.0 + grain * (random.number() + random.number() - 1.0))
         };
-        let values: Vec<f64> =
-            (0..SIZE.y).flat_map(|y| (0..SIZE.x).map(move |x| (x, y))).map(|(x, y)| light(x, y)).collect();
+        let values: Vec<f64> = (0..SIZE.y)
+            .flat_map(|y| (0..SIZE.x).map(move |x| (x, y)))
+            .map(|(x, y)| light(x, y))
+            .collect();
         let of = |share: f64| Radiance {
             width: SIZE.x,
             height: SIZE.y,
@@ -172,14 +174,18 @@ fn room(random: &mut Random) -> (Radiance, Radiance) {
         )
     };
     let (lamp, target) = (place(1.8, 2.4), place(0.0, 2.0).with_z(0.0));
-    let light = Light::Point { position: lamp, luminous_power: 3000.0, range: 30.0, color: [1.0; 3] };
+    let light =
+        Light::Point { position: lamp, luminous_power: 3000.0, range: 30.0, color: [1.0; 3] };
     let toward = CameraPose::looking_at(Vec3::new(2.0, 1.4, 4.8), target);
     // Strips from left to right, as many as the detector has blocks beside each other.
     let views: Vec<View> = (0..STRIPS)
         .map(|strip| {
             let turn = 0.2 * (f32::from(STRIPS - 1) * 0.5 - f32::from(strip));
             View {
-                pose: CameraPose { rotation: Quat::from_rotation_y(turn) * toward.rotation, ..toward },
+                pose: CameraPose {
+                    rotation: Quat::from_rotation_y(turn) * toward.rotation,
+                    ..toward
+                },
                 vertical_fov_degrees: 50.0,
                 near: 0.01,
                 size: SIZE / UVec2::new(u32::from(STRIPS), 1),
@@ -187,11 +193,12 @@ fn room(random: &mut Random) -> (Radiance, Radiance) {
         })
         .collect();
     let sky = random.between(0.0, 40.0) as f32;
-    let settings = Settings { samples: 1, bounces: Some(1), ..Settings::default() };
+    let settings = Settings { samples: 1, bounces: Some(0), ..Settings::default() };
     let image = |lights: &[Light], sky: Sky, rays: &std::sync::Arc<RayScene>| {
         let scene = ReferenceScene::new(geometry.clone(), rays.clone(), lights, sky);
         let scene = scene.expect("valid geometry");
-        let strip = |view| render(&scene, view, &settings, Watch::default()).expect("no interruption");
+        let strip =
+            |view| render(&scene, view, &settings, Watch::default()).expect("no interruption");
         let strips: Vec<Radiance> = views.iter().map(|view| strip(view).full()).collect();
         let width = strips[0].width as usize;
         let row = |y| strips.iter().flat_map(move |strip| &strip.rgb[y * width..(y + 1) * width]);
@@ -211,4 +218,31 @@ fn quad(mesh: &mut SceneMesh, corner: Vec3, right: Vec3, up: Vec3) {
         mesh.uvs.push(Vec2::new(r * right.length(), u * up.length()));
     }
     mesh.indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
+}
+
+/// Detections among pictures.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Rate {
+    pub(crate) hits: u32,
+    pub(crate) of: u32,
+}
+
+impl Rate {
+    pub(crate) fn add(&mut self, is_hit: bool) {
+        self.hits += u32::from(is_hit);
+        self.of += 1;
+    }
+
+    pub(crate) fn share(self) -> f64 {
+        f64::from(self.hits) / f64::from(self.of.max(1))
+    }
+
+    /// Wilson's interval of 95 % confidence.
+    pub(crate) fn interval(self) -> [f64; 2] {
+        let (n, p, z) = (f64::from(self.of.max(1)), self.share(), 1.96);
+        let half = z * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+        let middle = p + z * z / (2.0 * n);
+        let scale = 1.0 / (1.0 + z * z / n);
+        [(middle - half) * scale, (middle + half) * scale]
+    }
 }

@@ -1,59 +1,109 @@
-//! scratch
-mod corpus;
-use frugal_trace::coded::*;
-use frugal_trace::metrics::Radiance;
+//! How often a code in the light is found in a picture, and how often one that is not there.
+//!
+//! `cargo run -p frugal_trace --features coded --example coded -- [SEEDS [PICTURE.png]]`
+//!
+//! 200 pictures a seed, by kind and by detector: false alarms of the three codes of one channel and
+//! of the code of three channels, then detections by exposure. Half of the light on average is not
+//! modulated at most. The picture shows eight of them, each without and with a code.
 
-fn coded_image(case: &mut corpus::Case, codes: usize, which: usize) -> (Radiance, f64) {
-    let te = 1.0 / case.random.scale(500.0, 4000.0);
-    let ts = 1.0 / 30_000.0;
-    let shutter = Shutter::new(te, ts, corpus::SIZE.y).unwrap();
-    let start = case.random.between(0.0, 1.0);
-    let dwell = f64::from(corpus::SIZE.y) * ts / 3.0;
-    let ones = vec![1.0; corpus::SIZE.y as usize];
-    let profiles: Vec<Vec<f64>> = (0..3)
-        .map(|channel| {
-            let code = if codes == 1 { CODES[which] } else { CODES[channel] };
-            shutter.profile(&barcode(&code, dwell, 0.5, 1.0).unwrap(), start)
-        })
-        .collect();
-    let p = [&profiles[0][..], &profiles[1][..], &profiles[2][..]];
-    (compose(&[(&case.lamp, p), (&case.ambient, [&ones; 3])]).unwrap(), te)
+mod corpus;
+mod hidden;
+
+use std::error::Error;
+use std::path::Path;
+
+use corpus::{KINDS, Rate, SIZE};
+use frugal_trace::coded::{CODES, CodedError, Detector, Shutter, Stripes, Waveform, ratios};
+use frugal_trace::metrics::{Picture, Radiance, tone};
+
+/// Exposures, 1 ÷ second.
+const EXPOSURES: [f64; 4] = [4000.0, 2000.0, 1000.0, 500.0];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let seeds: u64 = arguments.next().map_or(Ok(1), |text| text.parse())?;
+    println!("stripes of 400 Hz, half on, by exposure: bright, dark (ms of light), rows of each");
+    for per_second in EXPOSURES {
+        let shutter = Shutter::new(1.0 / per_second, 1.0 / hidden::READ_OUT, SIZE.y)?;
+        let Stripes { bright, dark, bright_rows, dark_rows } =
+            Stripes::new(&Waveform::new(400.0, 0.5, 0.0, 1e3)?, &shutter);
+        println!("1/{per_second:4} s {bright:6.3} {dark:6.3} {bright_rows:6.1} {dark_rows:6.1}");
+    }
+    for seed in 0..seeds {
+        for (name, detector) in [("published", Detector::default()), ("strict", Detector::strict())]
+        {
+            table(seed, name, &detector)?;
+        }
+    }
+    if let Some(file) = arguments.next() {
+        picture()?.write_png(Path::new(&file))?;
+    }
+    Ok(())
 }
 
-fn main() {
-    let t0 = std::time::Instant::now();
-    let cases: Vec<corpus::Case> = corpus::all(std::env::args().nth(1).map_or(0, |a| a.parse().unwrap())).collect();
-    println!("corpus {:?}", t0.elapsed());
-    let rgb: Vec<f64> = CODES.concat();
-    let mut cases = cases;
-    let coded: Vec<_> = cases.iter_mut().map(|c| {
-        let clean = { let ones = vec![1.0; 1024]; compose(&[(&c.lamp, [&ones; 3]), (&c.ambient, [&ones; 3])]).unwrap() };
-        let m: Vec<_> = (0..3).map(|w| coded_image(c, 1, w).0).collect();
-        let r = coded_image(c, 3, 0).0;
-        (c.kind, clean, m, r)
-    }).collect();
-    for tolerance in [0.05, 0.02] { for coherence in [0.0, 0.9, 0.97, 0.99] {
-    for prominence in [0.0, 30.0, 100.0] {
-        for floor in [2.0] {
-            let d = Detector { prominence, floor, tolerance, coherence, ..Detector::default() };
-            let d3 = Detector { colors: true, ..d };
-            let mut out = String::new();
-            for kind in ["noise", "pattern", "room"] {
-                let of = coded.iter().filter(|c| c.0 == kind);
-                let n = of.clone().count() as f64;
-                for w in 0..3 {
-                    let r = ratios(&CODES[w]);
-                    let fa = of.clone().filter(|c| d.detect(&c.1, &r).unwrap().is_protected()).count() as f64 / n;
-                    let hit = of.clone().filter(|c| d.detect(&c.2[w], &r).unwrap().is_protected()).count() as f64 / n;
-                    out += &format!(" {fa:.2}/{hit:.2}");
-                }
-                let r = ratios(&rgb);
-                let fa = of.clone().filter(|c| d3.detect(&c.1, &r).unwrap().is_protected()).count() as f64 / n;
-                let hit = of.clone().filter(|c| d3.detect(&c.3, &r).unwrap().is_protected()).count() as f64 / n;
-                out += &format!(" rgb {fa:.2}/{hit:.2} |");
+/// Prints the rates of one seed.
+fn table(seed: u64, name: &str, detector: &Detector) -> Result<(), CodedError> {
+    let colors = Detector { colors: true, ..*detector };
+    let all = ratios(&CODES.concat());
+    let mut rates = vec![[[Rate::default(); 4]; 1 + EXPOSURES.len()]; KINDS.len() + 1];
+    for mut case in corpus::all(seed) {
+        let kind = KINDS.iter().position(|kind| kind.0 == case.kind).unwrap_or(0);
+        let mut add = |column: usize, code: usize, image: &Radiance| -> Result<(), CodedError> {
+            let found = match code {
+                3 => colors.detect(image, &all)?,
+                _ => detector.detect(image, &ratios(&CODES[code]))?,
+            };
+            for row in [kind, KINDS.len()] {
+                rates[row][column][code].add(found.is_protected());
             }
-            println!("tol {tolerance} coh {coherence} prom {prominence:5} floor {floor}: {out}");
+            Ok(())
+        };
+        let clean = hidden::clean(&case)?;
+        for code in 0..4 {
+            add(0, code, &clean)?;
         }
-    }}}
-    println!("all {:?}", t0.elapsed());
+        for (i, per_second) in EXPOSURES.into_iter().enumerate() {
+            for code in 0..3 {
+                let image = hidden::coded(&mut case, [code; 3], 1.0 / per_second)?;
+                add(1 + i, code, &image)?;
+            }
+            add(1 + i, 3, &hidden::coded(&mut case, [0, 1, 2], 1.0 / per_second)?)?;
+        }
+    }
+    for (rates, kind) in rates.iter().zip(KINDS.iter().map(|kind| kind.0).chain(["all"])) {
+        let row = |column: &[Rate; 4]| {
+            let text = column.map(|rate| format!("{:3.0}", 100.0 * rate.share()));
+            text.join(" ")
+        };
+        println!(
+            "seed {seed} {name:9} {kind:8} alarms {} | found at {}",
+            row(&rates[0]),
+            EXPOSURES
+                .iter()
+                .zip(&rates[1..])
+                .map(|(per_second, column)| format!("1/{per_second}: {}", row(column)))
+                .collect::<Vec<_>>()
+                .join("  ")
+        );
+    }
+    let [low, high] = rates[KINDS.len()][0][0].interval().map(|share| 100.0 * share);
+    println!(
+        "seed {seed} {name:9} alarms of the first code in all: {low:.1} to {high:.1} % (95 %)"
+    );
+    Ok(())
+}
+
+/// Eight pictures side by side, each without and with a code, half as high as they are.
+fn picture() -> Result<Picture, Box<dyn Error>> {
+    let mut columns = Vec::new();
+    for mut case in corpus::all(0).step_by(25) {
+        let clean = hidden::clean(&case)?;
+        let coded = hidden::coded(&mut case, [0, 1, 2], 1.0 / 1500.0)?;
+        let exposure = tone::middle_grey_ev100(&clean);
+        columns.extend([clean, coded].map(|image| tone::display(&image, exposure)));
+    }
+    let width = SIZE.x * columns.len() as u32;
+    Ok(Picture::from_fn(width, SIZE.y / 2, |x, y| {
+        columns[(x / SIZE.x) as usize].rgb[(2 * y * SIZE.x + x % SIZE.x) as usize]
+    }))
 }

@@ -34,5 +34,5 @@ pub use shutter::{Shutter, compose};
 pub use stripes::{Stripes, deviation, psnr, worst_exposure};
 pub use waveform::{CodedError, Modulation, Waveform};
 
-
-// mod tests;
+#[cfg(test)]
+mod tests;

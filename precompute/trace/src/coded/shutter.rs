@@ -72,8 +72,7 @@ pub fn compose(lamps: &[(&Radiance, [&[f64]; 3])]) -> Result<Radiance, CodedErro
         if let Some(profile) = profiles.iter().find(|profile| profile.len() != rows) {
             return Err(CodedError::Size { what: "rows", given: profile.len(), expected: rows });
         }
-        for (row, (sums, pixels)) in
-            rgb.chunks_mut(width).zip(image.rgb.chunks(width)).enumerate()
+        for (row, (sums, pixels)) in rgb.chunks_mut(width).zip(image.rgb.chunks(width)).enumerate()
         {
             let scales = profiles.map(|profile| profile[row] as f32);
             for (sum, pixel) in sums.iter_mut().zip(pixels) {

@@ -95,9 +95,12 @@ pub fn psnr(reference: &Radiance, image: &Radiance, white: f64) -> Result<f64, C
     }
     let mean = image.mean();
     let scale = if mean > 0.0 { reference.mean() / mean } else { 1.0 };
-    let errors = reference.rgb.iter().flatten().zip(image.rgb.iter().flatten()).map(|(own, other)| {
-        (f64::from(*own) - (f64::from(*other) * scale).min(white)).powi(2)
-    });
+    let errors = reference
+        .rgb
+        .iter()
+        .flatten()
+        .zip(image.rgb.iter().flatten())
+        .map(|(own, other)| (f64::from(*own) - (f64::from(*other) * scale).min(white)).powi(2));
     let squared = errors.sum::<f64>() / (3 * expected) as f64;
     Ok(10.0 * (white * white / squared).log10())
 }

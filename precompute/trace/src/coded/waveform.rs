@@ -101,9 +101,8 @@ impl Modulation for Waveform {
     /// The integral of a square wave in closed form.
     fn light(&self, start: f64, duration: f64) -> f64 {
         // Periods with light until a point of time: whole ones count their duty.
-        let until = |periods: f64| {
-            periods.floor() * self.duty + (periods - periods.floor()).min(self.duty)
-        };
+        let until =
+            |periods: f64| periods.floor() * self.duty + (periods - periods.floor()).min(self.duty);
         // From within the first period, so that late starts lose no digits.
         let from = (start * self.frequency + self.phase).rem_euclid(1.0);
         let periods = until(from + duration.max(0.0) * self.frequency) - until(from);
