@@ -119,7 +119,8 @@ fn errors(scattering: f64, seed: u64) -> [f64; 3] {
             mean.sum::<f64>() / 256.0
         })
         .collect();
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(1);
+    // No multiple of the step below: all seeds would share their numbers, one place apart.
+    let mut state = seed.wrapping_add(1).wrapping_mul(0xd134_2543_de82_ef95);
     let mut number = || {
         // SplitMix64: the tracer's own sampler is private.
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);

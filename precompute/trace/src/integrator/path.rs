@@ -52,14 +52,13 @@ impl Estimate {
 
 /// Light that one path brings to the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(not(feature = "time"), expect(dead_code, reason = "only time-resolved images read it"))]
 pub(crate) struct Arrival {
     /// Linear RGB, nits, already divided by the density of the path.
     pub(crate) light: DVec3,
     /// Surfaces that scattered it.
     pub(crate) surfaces: u32,
-    /// Metres from the light to where the camera's ray begins; from the first surface for light of
-    /// the sky and for parallel light.
+    /// Metres from the light to where the camera's ray begins; for the sky and parallel light,
+    /// from the surface that they light.
     pub(crate) length: f64,
     /// The share of `length` between the surface that the camera sees and the ray's beginning.
     pub(crate) last: f64,

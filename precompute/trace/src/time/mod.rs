@@ -2,8 +2,7 @@
 //!
 //! Jarabo et al. 2014, "A Framework for Transient Rendering": every path of the steady image also
 //! says how long its light was on its way, and serves all frames. All lights flash once, at time 0;
-//! parallel light and the sky flash where the path leaves its first surface, since they have no
-//! place. Scattering takes no time, and air slows no light.
+//! parallel light and the sky, which have no place, at the last surface of the path that they light. Scattering takes no time, and air slows no light.
 //!
 //! | module | job |
 //! |---|---|
