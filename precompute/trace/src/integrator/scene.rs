@@ -15,7 +15,7 @@ const FREE_SHARE: f64 = 1.0 - 1e-5;
 /// A scene for [`render`](super::render()).
 #[derive(Debug)]
 pub struct ReferenceScene {
-    pub(super) geometry: Arc<SceneGeometry>,
+    pub(crate) geometry: Arc<SceneGeometry>,
     pub(super) lights: Vec<PunctualLight>,
     pub(super) emitters: Emitters,
     pub(super) sky: Sky,
@@ -86,7 +86,7 @@ impl ReferenceScene {
     /// Bevy culls back faces of single-sided materials, so paths pass through them, at the camera
     /// and at every bounce alike: an invisible face emits and reflects nothing. Alpha cut-outs are
     /// ignored too.
-    pub(super) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
+    pub(crate) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
         self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| {
             self.accepts(hit, Side::Back)
         })
@@ -108,7 +108,7 @@ impl ReferenceScene {
     /// other end, and so passes through front faces. Closed solids cast the same shadow either way;
     /// sheets and rooms that only have an inside do not, and there the direct light must match the
     /// renderer's.
-    pub(super) fn is_lit(&self, origin: Vec3, light: &IncidentLight) -> bool {
+    pub(crate) fn is_lit(&self, origin: Vec3, light: &IncidentLight) -> bool {
         let reach = (light.distance * FREE_SHARE) as f32;
         !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| {
             self.accepts(hit, Side::Front)

@@ -52,7 +52,7 @@ impl View {
 
     /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
     /// pixels from its upper left corner.
-    pub(super) fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
+    pub(crate) fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
         let size = self.size.as_dvec2();
         let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
         let half_width = half_height * size.x / size.y;

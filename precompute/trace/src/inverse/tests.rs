@@ -1,0 +1,3 @@
+//! Reciprocity of the tracer, recovery of dual images, and of sources.
+
+use super::*;
