@@ -1,7 +1,7 @@
 //! A small source from the light that it leaves on a plane.
 //!
-//! A virtual point light leaves on the plane z = 0 the irradiance (m · (p − x)) x_z ÷ |p − x|⁴ at p,
-//! with x its place and m its normal × flux ÷ π: linear in m. Liu, Hua and others solve such systems
+//! A virtual point light leaves on the plane z = 0 the irradiance (m · (p − x)) h ÷ |p − x|⁴ at p,
+//! with x its place, h its height and m its normal × flux ÷ π: linear in m. Liu, Hua and others solve such systems
 //! of six unknowns with Gröbner bases; here the three of m are eliminated by least squares, and the
 //! three of x found by iteration (Golub and Pereyra 1973, "The Differentiation of Pseudo-Inverses
 //! and Nonlinear Least Squares Problems Whose Variables Separate").
