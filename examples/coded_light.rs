@@ -18,9 +18,7 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, T
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 use bevy_frugal_gi::prelude::*;
 use frugal_examples::{ExamplePlugin, caption};
-use frugal_trace::coded::{
-    self, CODES, CodedError, Detector, Scramble, Sequence, Shutter, Waveform,
-};
+use frugal_trace::coded::{self, CODES, CodedError, Detector, Scramble, Shutter, Waveform};
 use frugal_trace::metrics::{Radiance, tone};
 use half::f16;
 
@@ -28,10 +26,12 @@ use half::f16;
 const SIZE: UVec2 = UVec2::new(640, 480);
 /// Rows per second.
 const READ_OUT: f64 = 15_000.0;
+/// The frequencies whose ratios are the code, hertz.
+const CODE: [f64; 3] = CODES[0];
 /// Exposures, 1 ÷ second.
 const EXPOSURES: [f64; 6] = [4000.0, 2000.0, 1300.0, 700.0, 400.0, 150.0];
 /// Frames after a change of light before its image is read.
-const SETTLING_FRAMES: u32 = 24;
+const SETTLING_FRAMES: u32 = 40;
 /// Place and luminous power, lumens, of each lamp. The last one is steady.
 const LAMPS: [(Vec3, f32); 3] = [
     (Vec3::new(-2.4, 2.7, 1.2), 250_000.0),
@@ -140,7 +140,7 @@ fn set_up(
         RenderTarget::Image(target.clone().into()),
         // Light as it is, which can be added up.
         (Tonemapping::None, DebandDither::Disabled, Msaa::Off),
-        FrugalGi { rest_frames: 0, ..default() },
+        FrugalGi::default(),
         // Images are empty until the shaders are compiled.
         WarmKnobs::new(KnobSpace::default()),
         Transform::from_xyz(0.0, 1.8, 6.6).looking_at(vec3(0.0, 1.4, 0.0), Vec3::Y),
@@ -250,8 +250,8 @@ fn expose(
     if !std::mem::take(&mut studio.is_changed) {
         return;
     }
-    let detector = Detector { rows_per_second: READ_OUT, colors: true, ..Detector::strict() };
-    match detector.detect(&taken, &coded::ratios(&CODES.concat())) {
+    let detector = Detector { rows_per_second: READ_OUT, tolerance: 0.03, ..Detector::strict() };
+    match detector.detect(&taken, &coded::ratios(&CODE)) {
         Ok(verdict) => {
             let line = format!(
                 "{:?}, 1/{} s: {} ({} matching ratios, {} needed)",
@@ -273,37 +273,31 @@ fn take(studio: &Studio, start: f64) -> Result<(Radiance, Radiance), CodedError>
     let exposure = 1.0 / EXPOSURES[studio.exposure];
     let shutter = Shutter::new(exposure, 1.0 / READ_OUT, SIZE.y)?;
     let steady = vec![1.0; SIZE.y as usize];
-    let profiles: Vec<Vec<f64>> = (0..3)
-        .map(|channel| {
-            Ok(match studio.lamps {
-                Lamps::Code => shutter.profile(&code(channel)?, start),
-                Lamps::Scrambled => {
-                    shutter.profile(&Scramble::new(3, 300.0, 50.0)?.sequence(0.5, 1.0)?, start)
-                }
-                Lamps::OneFrequency => {
-                    shutter.profile(&Waveform::new(400.0, 0.5, 0.0, 1.0)?, start)
-                }
-                Lamps::Authorised => {
-                    let frequency = coded::authorised_frequency(exposure, 1)?;
-                    shutter.profile(&Waveform::new(frequency, 0.5, 0.0, 1.0)?, start)
-                }
-            })
-        })
-        .collect::<Result<_, CodedError>>()?;
-    let modulated = [&profiles[0][..], &profiles[1], &profiles[2]];
-    let image = |modulated: [&[f64]; 3]| {
+    let wave = |frequency| Waveform::new(frequency, 0.5, 0.0, 1.0);
+    let profile = match studio.lamps {
+        Lamps::Code => {
+            // Each frequency for a third of a frame.
+            let dwell = f64::from(SIZE.y) / READ_OUT / 3.0;
+            shutter.profile(&coded::barcode(&CODE, dwell, 0.5, 1.0)?, start)
+        }
+        Lamps::Scrambled => {
+            shutter.profile(&Scramble::new(2, 200.0, 50.0)?.sequence(0.5, 1.0)?, start)
+        }
+        Lamps::OneFrequency => shutter.profile(&wave(400.0)?, start),
+        Lamps::Authorised => {
+            shutter.profile(&wave(coded::authorised_frequency(exposure, 1)?)?, start)
+        }
+    };
+    let image = |modulated: &[f64]| {
         let lamps: Vec<(&Radiance, [&[f64]; 3])> = studio
             .images
             .iter()
             .enumerate()
-            .map(|(i, image)| (image, if i + 1 < LAMPS.len() { modulated } else { [&steady; 3] }))
+            .map(|(i, image)| {
+                (image, [if i + 1 < LAMPS.len() { modulated } else { &steady[..] }; 3])
+            })
             .collect();
         coded::compose(&lamps)
     };
-    Ok((image(modulated)?, image([&steady; 3])?))
-}
-
-/// The code of a channel, each frequency for a third of a frame.
-fn code(channel: usize) -> Result<Sequence, CodedError> {
-    coded::barcode(&CODES[channel], f64::from(SIZE.y) / READ_OUT / 3.0, 0.5, 1.0)
+    Ok((image(&profile)?, image(&steady)?))
 }

@@ -67,7 +67,9 @@ pub struct Detector {
     pub share: f64,
     /// See `share`.
     pub floor: f64,
-    /// Whether the three channels are searched apart; else their luminance.
+    /// Whether the three channels are searched apart; else their luminance. The 36 ratios of three
+    /// channels' codes leave hardly a ratio out: a verdict then tells that there are stripes of
+    /// several frequencies (harmonics of one, too) more than which.
     pub colors: bool,
 }
 
