@@ -5,6 +5,8 @@
 //! do: a code in the ratio of their frequencies, of which the detector's verdict is below the image
 //! and on the terminal; frequencies that change; one frequency, which Up and Down can undo by the
 //! exposure; and a frequency that follows the exposure, so that this one camera sees no stripes.
+//! Changing frequencies are taken for the code: the lines of their pattern, multiples of 100 Hz, have
+//! its ratios.
 //!
 //! Each lamp is rendered alone once, with its indirect light. The camera reads 15 000 rows a second,
 //! and an image is the sum of the lamps' images, each with its rows scaled.

@@ -34,12 +34,13 @@ impl Patterns {
             return Err(InverseError::Size { what, given: count, expected });
         }
         let number = |i: usize, which| Sampler::new(seed, i as u64, which).number();
-        let signs: Vec<f64> =
+        let mut signs: Vec<f64> =
             (0..pixels).map(|i| if number(i, 0) < 0.5 { -1.0 } else { 1.0 }).collect();
         let mut shifts: Vec<usize> = (0..pixels).collect();
-        for i in 0..count {
+        for i in 0..pixels {
             shifts.swap(i, i + (number(i, 1) * (pixels - i) as f64) as usize);
         }
+        balance(&mut signs, &shifts);
         shifts.truncate(count);
         let fourier = Fourier::at_least(pixels);
         let mut spectrum = complex(&signs);
@@ -94,6 +95,21 @@ impl Patterns {
         }
         self.fourier.backward(&mut values);
         values
+    }
+}
+
+/// Flips signs, in this order, until their sum is the root of their number, as large as any other
+/// frequency's on average. By chance it can be near 0: images have most of their light there, and
+/// the patterns would hardly see it.
+fn balance(signs: &mut [f64], order: &[usize]) {
+    let wanted = 2.0 * ((signs.len() as f64).sqrt() * 0.5).round();
+    let mut sum: f64 = signs.iter().sum();
+    for i in order {
+        let over = sum - wanted;
+        if over * signs[*i] > 0.0 && over.abs() >= 2.0 {
+            sum -= 2.0 * signs[*i];
+            signs[*i] = -signs[*i];
+        }
     }
 }
 

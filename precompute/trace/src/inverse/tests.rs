@@ -164,6 +164,7 @@ fn transforms_multiply_like_the_patterns() {
     let found = patterns.transposed(&weights).expect("20");
     assert!(found.iter().zip(&sum).all(|(a, b)| (a - b).abs() < 1e-9));
     assert!(patterns.pattern(3).iter().all(|sign| sign.abs() == 1.0));
+    assert_eq!(patterns.pattern(3).iter().sum::<f64>(), 8.0);
     for (pixels, count) in [(63, 5), (64, 65), (64, 0), (0, 1), (1, 1)] {
         assert!(Patterns::new(pixels, count, 0).is_err());
     }
