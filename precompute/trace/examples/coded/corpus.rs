@@ -1,6 +1,8 @@
 //! Small pictures to hide codes in and to raise false alarms on: noise, patterns, and rooms with
 //! textured walls.
 
+use std::f64::consts::TAU;
+
 use frugal_trace::integrator::{ReferenceScene, Settings, View, Watch, render};
 use frugal_trace::light::{Light, Sky};
 use frugal_trace::metrics::Radiance;
@@ -89,15 +91,15 @@ fn noise(random: &mut Random) -> Flat {
     let (slope, contrast) = (random.between(0.5, 1.5), random.scale(0.05, 0.5));
     let waves: Vec<[f64; 4]> = (0..32)
         .map(|_| {
-            let (frequency, angle) = (random.scale(0.5, 400.0), random.between(0.0, 6.3));
+            let (frequency, angle) = (random.scale(0.5, 400.0), random.between(0.0, TAU));
             let amplitude = frequency.powf(0.5 - slope);
-            [frequency * angle.cos(), frequency * angle.sin(), random.between(0.0, 6.3), amplitude]
+            [frequency * angle.cos(), frequency * angle.sin(), random.between(0.0, TAU), amplitude]
         })
         .collect();
     let scale = contrast / waves.iter().map(|wave| wave[3].powi(2) * 0.5).sum::<f64>().sqrt();
     Box::new(move |x, y| {
         let sum: f64 =
-            waves.iter().map(|[u, v, at, size]| size * (6.283 * (u * x + v * y) + at).sin()).sum();
+            waves.iter().map(|[u, v, at, size]| size * (TAU * (u * x + v * y) + at).sin()).sum();
         (0.5 + 0.25 * scale * sum).clamp(0.02, 1.0)
     })
 }
@@ -119,7 +121,7 @@ fn pattern(random: &mut Random) -> Flat {
             0 => dark + (light - dark) * hash(along.floor(), 0.0),
             1 => mix((along.floor() + (x / period).floor()).rem_euclid(2.0) < 1.0),
             2 => mix(along.rem_euclid(1.0) < share),
-            3 => dark + (light - dark) * (0.5 + 0.5 * (6.283 * along).sin()),
+            3 => dark + (light - dark) * (0.5 + 0.5 * (TAU * along).sin()),
             _ => {
                 let (u, v) = (x / period, y / period);
                 let center = hash(u.floor(), v.floor());
