@@ -98,8 +98,18 @@ const SEARCH: &[&str] = &[
 ];
 
 /// The path tracer's parts.
-const TRACE: &[&str] =
-    &["color", "sampler", "scene", "light", "bsdf", "guide", "metrics", "integrator", "time"];
+const TRACE: &[&str] = &[
+    "color",
+    "sampler",
+    "scene",
+    "light",
+    "bsdf",
+    "guide",
+    "media",
+    "metrics",
+    "integrator",
+    "time",
+];
 
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {
     let found = imports(&workspace().join(folder), split).expect("sources");
