@@ -101,6 +101,7 @@ const SEARCH: &[&str] = &[
 const TRACE: &[&str] = &[
     "color",
     "sampler",
+    "fourier",
     "scene",
     "light",
     "bsdf",
@@ -109,6 +110,8 @@ const TRACE: &[&str] = &[
     "metrics",
     "integrator",
     "time",
+    "coded",
+    "inverse",
 ];
 
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {
