@@ -14,17 +14,25 @@
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | `caustics` | light that mirrors throw, from photons (feature `caustics`) |
 //! | [`metrics`] | images, and differences between two |
+//! | `coded` | a rolling shutter under modulated light; with the feature `coded` |
+//! | `inverse` | dual images, and sources found from their light; with the feature `inverse` |
 //! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
-//! Each module imports only those above it, [`integrator`] and `caustics` also [`metrics`]. `color` and
-//! `sampler` (random numbers) serve all.
+//! Each module imports only those above it, [`integrator`] and `caustics` also [`metrics`]. `color`,
+//! `sampler` (random numbers) and `fourier` serve all.
 
 pub mod bsdf;
 #[cfg(feature = "caustics")]
 pub mod caustics;
+#[cfg(feature = "coded")]
+pub mod coded;
 mod color;
+#[cfg(any(feature = "coded", feature = "inverse"))]
+mod fourier;
 mod guide;
 pub mod integrator;
+#[cfg(feature = "inverse")]
+pub mod inverse;
 pub mod light;
 #[cfg(feature = "media")]
 pub mod media;

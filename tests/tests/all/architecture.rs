@@ -101,6 +101,7 @@ const SEARCH: &[&str] = &[
 const TRACE: &[&str] = &[
     "color",
     "sampler",
+    "fourier",
     "scene",
     "light",
     "bsdf",
@@ -110,6 +111,8 @@ const TRACE: &[&str] = &[
     "integrator",
     "caustics",
     "time",
+    "coded",
+    "inverse",
 ];
 
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {

@@ -108,7 +108,7 @@ impl ReferenceScene {
     /// other end, and so passes through front faces. Closed solids cast the same shadow either way;
     /// sheets and rooms that only have an inside do not, and there the direct light must match the
     /// renderer's.
-    pub(super) fn is_lit(&self, origin: Vec3, light: &IncidentLight) -> bool {
+    pub(crate) fn is_lit(&self, origin: Vec3, light: &IncidentLight) -> bool {
         let reach = (light.distance * FREE_SHARE) as f32;
         !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| {
             self.accepts(hit, Side::Front)

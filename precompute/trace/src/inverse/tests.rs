@@ -1,0 +1,380 @@
+//! Reciprocity of the tracer, recovery of dual images, and of sources.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3, Quat, UVec2, Vec3};
+
+use super::haar::Haar;
+use super::*;
+use crate::bsdf::Shading;
+use crate::integrator::{ReferenceScene, Settings, View, Watch, render};
+use crate::light::{Light, Sky};
+use crate::sampler::Sampler;
+use crate::scene::shapes::MeshBuilder;
+use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
+
+/// A room with a red wall and a glossy block.
+fn room(lights: &[Light]) -> ReferenceScene {
+    let matte = SceneMaterial {
+        base_color: [0.7, 0.6, 0.5, 1.0],
+        double_sided: true,
+        ..SceneMaterial::default()
+    };
+    let glossy = SceneMaterial { perceptual_roughness: 0.4, metallic: 0.5, ..matte.clone() };
+    let mut walls = MeshBuilder::new();
+    walls.room(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 2.5, 2.0));
+    let mut block = MeshBuilder::new();
+    block.tint([0.9, 0.4, 0.3]).cuboid(Vec3::new(-0.6, 0.0, -0.8), Vec3::new(0.4, 1.1, 0.1));
+    scene(vec![matte, glossy], vec![walls, block], lights)
+}
+
+fn scene(
+    materials: Vec<SceneMaterial>,
+    meshes: Vec<MeshBuilder>,
+    lights: &[Light],
+) -> ReferenceScene {
+    let meshes = meshes.into_iter().enumerate().map(|(i, mesh)| mesh.finish(i)).collect();
+    let geometry = SceneGeometry { meshes, materials, ..SceneGeometry::default() };
+    let rays = RayScene::from_geometry(&geometry);
+    ReferenceScene::new(geometry.into(), rays.into(), lights, Sky::Black).expect("valid geometry")
+}
+
+fn view(from: [f32; 3], to: [f32; 3], side: u32) -> View {
+    View {
+        pose: CameraPose::looking_at(from.into(), to.into()),
+        vertical_fov_degrees: 50.0,
+        near: 1e-3,
+        size: UVec2::splat(side),
+    }
+}
+
+fn ends(side: u32) -> [View; 2] {
+    let to = [0.0, 0.6, -0.4];
+    [view([-1.2, 1.5, 1.8], to, side), view([1.6, 1.9, 1.4], to, side)]
+}
+
+/// Mean and standard error of values.
+fn measured(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    (mean, (squares / (count - 1.0) / count).sqrt())
+}
+
+#[test]
+fn camera_and_projector_can_be_swapped() {
+    let scene = room(&[]);
+    let [camera, projector] = ends(8);
+    for shading in [Shading::Lambertian, Shading::Standard] {
+        let traced = |from: &View, to: &View, seed| {
+            let tracing = Tracing { samples: 64, bounces: 3, seed, shading };
+            Transport::trace(&scene, from, to, &tracing).expect("a matrix")
+        };
+        let seeds = 10;
+        let there: Vec<Transport> = (0..seeds).map(|i| traced(&camera, &projector, i)).collect();
+        let back: Vec<Transport> =
+            (0..seeds).map(|i| traced(&projector, &camera, 100 + i)).collect();
+        // A light of the camera's pixels: the dual image, and the real one after the swap.
+        let light: Vec<f64> = (0..64).map(|i| f64::from(i % 8) + 1.0).collect();
+        let duals: Vec<Vec<f64>> =
+            there.iter().map(|matrix| matrix.dual(&light).expect("64 pixels")).collect();
+        let reals: Vec<Vec<f64>> =
+            back.iter().map(|matrix| matrix.image(&light).expect("64 pixels")).collect();
+        let (mut squares, mut worst) = (0.0, 0.0_f64);
+        for pixel in 0..64 {
+            let of = |images: &[Vec<f64>]| {
+                measured(&images.iter().map(|image| image[pixel]).collect::<Vec<_>>())
+            };
+            let ((a, ea), (b, eb)) = (of(&duals), of(&reals));
+            let sigmas = (a - b) / ea.hypot(eb);
+            squares += sigmas * sigmas;
+            worst = worst.max(sigmas.abs());
+        }
+        // Student's t of 18 degrees of freedom: 64 squares of mean 1.125 and deviation 1.86 each.
+        assert!(squares < 64.0 * 1.125 + 4.0 * 8.0 * 1.86, "{shading:?}: {squares}");
+        assert!(worst < 5.5, "{shading:?}: {worst}");
+        let [dual, real] = [&duals, &reals].map(|all| all.iter().flatten().sum::<f64>());
+        assert!((dual / real - 1.0).abs() < 0.02, "{shading:?}: {dual} {real}");
+        // And the comparison can fail: what a forgotten cosine would do.
+        assert!((dual / (1.2 * real) - 1.0).abs() > 0.02);
+    }
+}
+
+#[test]
+fn products_with_the_matrix_and_its_transpose_agree() {
+    let matrix = Transport::new(3, 2, vec![1.0, 2.0, 0.0, -1.0, 0.5, 4.0]).expect("six values");
+    let (l, c) = ([3.0, -2.0], [1.0, 5.0, 0.25]);
+    let forward: f64 = matrix.image(&l).expect("2").iter().zip(c).map(|(a, b)| a * b).sum();
+    let backward: f64 = matrix.dual(&c).expect("3").iter().zip(l).map(|(a, b)| a * b).sum();
+    assert!((forward - backward).abs() < 1e-12 && forward != 0.0);
+    assert!(matrix.image(&c).is_err() && matrix.dual(&l).is_err());
+    assert!(Transport::new(3, 3, vec![0.0; 6]).is_err());
+}
+
+/// A projector that covers all that the camera sees is a point light of the shipped tracer.
+#[test]
+fn a_white_projector_is_a_point_light() {
+    let candela = 100.0;
+    let [camera, projector] = ends(8);
+    // The light is 20 mm behind nothing: the same place, all around; only direct light compares.
+    let light = Light::Point {
+        position: projector.pose.position,
+        luminous_power: (candela * 4.0 * PI) as f32,
+        range: 1e6,
+        color: [1.0; 3],
+    };
+    let wide = View { vertical_fov_degrees: 160.0, ..projector };
+    let tracing = Tracing { samples: 256, bounces: 0, ..Tracing::default() };
+    let matrix = Transport::trace(&room(&[]), &camera, &wide, &tracing).expect("a matrix");
+    let found = matrix.image(&[candela; 64]).expect("64 pixels");
+    let settings = Settings { samples: 256, bounces: Some(0), seed: 9, ..Settings::default() };
+    let image = render(&room(&[light]), &camera, &settings, Watch::default()).expect("an image");
+    let half = (25.0_f64).to_radians().tan();
+    let mut worst = 0.0_f64;
+    let (mut all, mut exact_sum) = (0.0, 0.0);
+    for (pixel, (found, nits)) in found.iter().zip(image.direct.luminance()).enumerate() {
+        // The mean of the solid angle over the pixel, by a sum.
+        let (x, y) = ((pixel % 8) as f64, (pixel / 8) as f64);
+        let cell = |i: u32| {
+            let at = |p: f64, i: u32| ((p + (f64::from(i) + 0.5) / 16.0) / 4.0 - 1.0) * half;
+            (1.0 + at(x, i % 16).powi(2) + at(y, i / 16).powi(2)).powf(-1.5)
+        };
+        let angle = (0..256).map(cell).sum::<f64>() / 256.0 * (half / 4.0).powi(2);
+        let exact = f64::from(nits) * angle;
+        worst = worst.max((found / exact - 1.0).abs());
+        (all, exact_sum) = (all + found, exact_sum + exact);
+    }
+    assert!((all / exact_sum - 1.0).abs() < 0.01, "{all} {exact_sum}");
+    assert!(worst < 0.2, "{worst}");
+}
+
+#[test]
+fn transforms_multiply_like_the_patterns() {
+    let patterns = Patterns::new(64, 20, 3).expect("patterns");
+    let image: Vec<f64> = (0..64).map(|i| f64::from(i * i % 11)).collect();
+    let dense: Vec<f64> =
+        (0..20).map(|k| patterns.pattern(k).iter().zip(&image).map(|(a, b)| a * b).sum()).collect();
+    let found = patterns.multiply(&image).expect("64");
+    assert!(found.iter().zip(&dense).all(|(a, b)| (a - b).abs() < 1e-9));
+    let weights: Vec<f64> = (0..20).map(f64::from).collect();
+    let mut sum = vec![0.0; 64];
+    for (k, weight) in weights.iter().enumerate() {
+        sum.iter_mut().zip(patterns.pattern(k)).for_each(|(sum, own)| *sum += own * weight);
+    }
+    let found = patterns.transposed(&weights).expect("20");
+    assert!(found.iter().zip(&sum).all(|(a, b)| (a - b).abs() < 1e-9));
+    assert!(patterns.pattern(3).iter().all(|sign| sign.abs() == 1.0));
+    assert_eq!(patterns.pattern(3).iter().sum::<f64>(), 8.0);
+    for (pixels, count) in [(63, 5), (64, 65), (64, 0), (0, 1), (1, 1)] {
+        assert!(Patterns::new(pixels, count, 0).is_err());
+    }
+}
+
+#[test]
+fn wavelets_are_orthonormal() {
+    for (width, height) in [(8, 8), (16, 4), (2, 32), (1, 8)] {
+        let image: Vec<f64> = (0..width * height).map(|i| ((i * 37) % 23) as f64 - 7.0).collect();
+        let mut found = image.clone();
+        Haar::new(width, height).forward(&mut found);
+        let energy = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+        assert!((energy(&found) / energy(&image) - 1.0).abs() < 1e-12);
+        let mean = image.iter().sum::<f64>() / ((width * height) as f64).sqrt();
+        assert!((found[0] - mean).abs() < 1e-9);
+        Haar::new(width, height).backward(&mut found);
+        assert!(found.iter().zip(&image).all(|(a, b)| (a - b).abs() < 1e-9), "{width}×{height}");
+    }
+}
+
+/// Root of the mean squared difference ÷ that of the exact values.
+fn difference(found: &[f64], exact: &[f64]) -> f64 {
+    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
+    let error = squares(&mut found.iter().zip(exact).map(|(a, b)| a - b));
+    (error / squares(&mut exact.iter().copied())).sqrt()
+}
+
+#[test]
+fn a_sparse_dual_image_is_recovered_and_errors_fall_with_patterns() {
+    // A projector of 32 × 32 pixels of which each camera pixel sees one block of 4 × 4.
+    let values = (0..64).flat_map(|pixel| {
+        (0..1024).map(move |i| {
+            let block = (i / 128) * 8 + (i % 32) / 4;
+            if block == pixel { 1.0 + pixel as f32 / 64.0 } else { 0.0 }
+        })
+    });
+    let matrix = Transport::new(64, 1024, values.collect()).expect("a matrix");
+    let light: Vec<f64> = (0..64).map(|pixel| f64::from(u8::from(pixel % 9 == 4))).collect();
+    let exact = matrix.dual(&light).expect("64 pixels");
+    let recovery = Recovery { size: [32, 32], sparsity: 1e-4, iterations: 400 };
+    let error = |count, noise| {
+        let patterns = Patterns::new(1024, count, 5).expect("patterns");
+        let capture = Capture::new(&matrix, patterns, noise, 1).expect("a capture");
+        difference(&capture.dual(&light, &recovery).expect("an image"), &exact)
+    };
+    let [few, some, many] = [64, 256, 768].map(|count| error(count, 0.0));
+    assert!(many < 0.05 && some < 0.4 && few > some && some > many, "{few} {some} {many}");
+    assert!(error(768, 0.05) > many);
+}
+
+#[test]
+fn patches_add_up_to_the_whole_and_can_be_relit() {
+    let [camera, projector] = ends(16);
+    let tracing = Tracing { samples: 32, ..Tracing::default() };
+    let matrix = Transport::trace(&room(&[]), &camera, &projector, &tracing).expect("a matrix");
+    let patches: Vec<Vec<usize>> = (0..64)
+        .map(|patch| (0..256).filter(|i| i / 32 * 8 + i % 16 / 2 == patch).collect())
+        .collect();
+    assert!(patches.iter().all(|patch| patch.len() == 4));
+    let patterns = Patterns::new(256, 256, 5).expect("patterns");
+    let capture = Capture::new(&matrix, patterns, 0.0, 1).expect("a capture");
+    let recovery = Recovery { size: [16, 16], sparsity: 1e-5, iterations: 400 };
+    let basis = capture.patches(&patches, &recovery).expect("64 images");
+    for weight in [|_| 1.0, |patch: usize| (patch % 8) as f64 * 0.3] {
+        let mut light = vec![0.0; 256];
+        let mut sum = vec![0.0; 256];
+        for (patch, (pixels, image)) in patches.iter().zip(&basis).enumerate() {
+            pixels.iter().for_each(|pixel| light[*pixel] = weight(patch));
+            sum.iter_mut().zip(image).for_each(|(sum, own)| *sum += own * weight(patch));
+        }
+        let error = difference(&sum, &matrix.dual(&light).expect("256 pixels"));
+        assert!(error < 0.05, "{error}");
+    }
+}
+
+/// A random source above the middle of a plane, and points around it.
+fn random_source(seed: u64) -> (Source, Vec<DVec2>) {
+    let mut sampler = Sampler::new(seed, 0, 0);
+    let mut number = || sampler.number();
+    let position = DVec3::new(number() - 0.5, number() - 0.5, 0.3 + number());
+    // Within 60° of straight down.
+    let (cosine, angle) = (0.5 + 0.5 * number(), 2.0 * PI * number());
+    let sine = (1.0_f64 - cosine * cosine).sqrt();
+    let normal = DVec3::new(sine * angle.cos(), sine * angle.sin(), -cosine);
+    let source = Source { position, normal, flux: 100.0 * (0.5 + number()) };
+    let points = (0..64).map(|i| DVec2::new((i % 8) as f64 - 3.5, (i / 8) as f64 - 3.5) * 0.4);
+    (source, points.collect())
+}
+
+#[test]
+fn sources_are_found_from_their_light() {
+    let angle = |a: DVec3, b: DVec3| a.cross(b).length().atan2(a.dot(b)).to_degrees();
+    for (noise, places, degrees, worst) in [(0.0, 1e-6, 1e-4, 1e-3), (0.01, 0.015, 1.5, 0.5)] {
+        let (mut offs, mut turns, mut powers) = (Vec::new(), Vec::new(), Vec::new());
+        for seed in 0..200 {
+            let (source, points) = random_source(seed);
+            let mut sampler = Sampler::new(seed, 1, 0);
+            let mut gaussian = || {
+                let [radius, at] = sampler.pair();
+                (-2.0 * (1.0 - radius).ln()).sqrt() * (2.0 * PI * at).cos()
+            };
+            let light: Vec<Irradiance> = points
+                .iter()
+                .map(|point| {
+                    let lux = source.lux(*point) * (1.0 + noise * gaussian());
+                    Irradiance { point: *point, lux }
+                })
+                .collect();
+            let found = Source::find(&light).expect("a source");
+            assert!(found.position.z > 0.0, "above the plane, not mirrored");
+            offs.push(found.position.distance(source.position));
+            turns.push(angle(found.normal, source.normal));
+            powers.push((found.flux / source.flux - 1.0).abs());
+        }
+        for values in [&mut offs, &mut turns, &mut powers] {
+            values.sort_by(f64::total_cmp);
+        }
+        println!(
+            "noise {noise}: medians {:.2e} m, {:.2e}°, flux {:.2e}; 95 %: {:.2e} m, {:.2e}°",
+            offs[100], turns[100], powers[100], offs[190], turns[190]
+        );
+        assert!(offs[100] < places && turns[100] < degrees, "{} {}", offs[100], turns[100]);
+        assert!(offs[190] < worst, "{}", offs[190]);
+    }
+}
+
+/// The light that a lit patch leaves on a plane, by the shipped tracer: a virtual point light.
+#[test]
+fn a_lit_patch_is_found_from_the_tracers_image() {
+    let (position, tilt) = (Vec3::new(0.2, 0.8, -0.1), Quat::from_rotation_z(0.4));
+    let mut plane = MeshBuilder::new();
+    let corner = |x: f32, z: f32| Vec3::new(x * 3.0, 0.0, z * 3.0);
+    plane.quad([corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)]);
+    let mut patch = MeshBuilder::new();
+    let corner = |x: f32, z: f32| position + tilt * Vec3::new(x * 0.02, 0.0, z * 0.02);
+    patch.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
+    let white = SceneMaterial { reflectance: 0.0, ..SceneMaterial::default() };
+    let glowing =
+        SceneMaterial { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [1e5; 3], ..white.clone() };
+    let scene = scene(vec![white, glowing], vec![plane, patch], &[]);
+    let camera = View {
+        pose: CameraPose::looking_at(Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO),
+        vertical_fov_degrees: 36.0,
+        near: 1e-3,
+        size: UVec2::splat(16),
+    };
+    let settings = Settings {
+        samples: 64,
+        bounces: Some(0),
+        shading: Shading::Lambertian,
+        ..Settings::default()
+    };
+    let image = render(&scene, &camera, &settings, Watch::default()).expect("an image").extended;
+    let light: Vec<Irradiance> = camera
+        .rays()
+        .iter()
+        .zip(image.luminance())
+        .map(|(ray, nits)| {
+            let at = DVec3::new(0.0, 4.0, 0.0) - *ray * (4.0 / ray.y);
+            // The plane of y = 0 as that of z = 0.
+            Irradiance { point: DVec2::new(at.x, -at.z), lux: f64::from(nits) * PI }
+        })
+        // The camera sees the patch's dark back in the middle.
+        .filter(|one| one.lux > 0.0 && one.point.distance(DVec2::new(0.2, 0.1)) > 0.3)
+        .collect();
+    let found = Source::find(&light).expect("a source");
+    let normal = tilt * Vec3::NEG_Y;
+    let exact = [
+        DVec3::new(f64::from(position.x), -f64::from(position.z), f64::from(position.y)),
+        DVec3::new(f64::from(normal.x), -f64::from(normal.z), f64::from(normal.y)),
+    ];
+    let off = found.position.distance(exact[0]);
+    let turn = found.normal.angle_between(exact[1]).to_degrees();
+    let flux = PI * 1e5 * 0.04 * 0.04;
+    println!("{off:.4} m, {turn:.2}°, flux {:.4}", found.flux / flux);
+    assert!(off < 0.03 && turn < 2.0 && (found.flux / flux - 1.0).abs() < 0.05, "{found:?}");
+}
+
+#[test]
+fn extremes_are_errors_or_finite() {
+    let [camera, projector] = ends(4);
+    let empty = scene(Vec::new(), Vec::new(), &[]);
+    let dark = Transport::trace(&empty, &camera, &projector, &Tracing::default()).expect("zeros");
+    assert!(dark.image(&[1.0; 16]).expect("16").iter().all(|value| *value == 0.0));
+    let same_place = Transport::trace(&room(&[]), &camera, &camera, &Tracing::default());
+    assert!(
+        (0..16).all(|i| same_place.as_ref().is_ok_and(|m| m.row(i).iter().all(|v| v.is_finite())))
+    );
+    let huge = View { size: UVec2::splat(1 << 16), ..camera };
+    let refused = Transport::trace(&empty, &huge, &huge, &Tracing::default());
+    assert!(matches!(refused, Err(InverseError::TooLarge(_))));
+    let none = View { size: UVec2::ZERO, ..camera };
+    assert!(Transport::trace(&empty, &none, &camera, &Tracing::default()).is_ok());
+    let capture = |noise| {
+        Capture::new(&dark, Patterns::new(16, 8, 0).expect("patterns"), noise, 0)
+            .expect("a capture")
+    };
+    let recovery = Recovery { size: [4, 4], sparsity: 0.01, iterations: 10 };
+    assert_eq!(capture(0.0).dual(&[1.0; 16], &recovery), Ok(vec![0.0; 16]));
+    assert!(capture(0.1).dual(&[1.0; 15], &recovery).is_err());
+    for size in [[3, 4], [4, 8], [0, 16]] {
+        assert!(capture(0.0).dual(&[1.0; 16], &Recovery { size, ..recovery }).is_err());
+    }
+    assert_eq!(capture(0.0).patches(&[vec![99]], &recovery), Ok(vec![vec![0.0; 16]]));
+    let at = |x: f64, lux: f64| Irradiance { point: DVec2::new(x, x * x), lux };
+    assert!(Source::find(&[]).is_err());
+    assert!(Source::find(&(0..9).map(|i| at(f64::from(i), f64::NAN)).collect::<Vec<_>>()).is_err());
+    let found = Source::find(&vec![at(0.0, 1.0); 9]);
+    assert!(found.is_err() || found.is_ok_and(|found| found.position.is_finite()));
+    let below = Source { position: DVec3::NEG_Z, normal: DVec3::Z, flux: 1.0 };
+    assert_eq!(below.lux(DVec2::ZERO), 0.0);
+    assert_eq!(Source { position: DVec3::ZERO, ..below }.lux(DVec2::ZERO), 0.0);
+}
