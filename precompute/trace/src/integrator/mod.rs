@@ -30,10 +30,10 @@ mod scene;
 mod settings;
 mod view;
 
-#[cfg(feature = "time")]
-pub(crate) use path::{Arrival, Record};
 #[cfg(feature = "caustics")]
 pub(crate) use lights::per_steradian;
+#[cfg(feature = "time")]
+pub(crate) use path::{Arrival, Record};
 #[cfg(feature = "caustics")]
 pub(crate) use path::{extended, punctual};
 #[cfg(feature = "caustics")]
