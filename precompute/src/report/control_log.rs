@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
-use super::{Color, Curve, Fact, Report, ReportError, Section, curves, percent};
+use super::{Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, percent};
 use crate::control_log::{CameraLog, changes};
 
 /// Most points of a curve; a longer log is averaged.
@@ -77,9 +77,9 @@ pub(crate) fn facts(log: &CameraLog) -> Vec<Fact> {
 fn section(log: &CameraLog) -> Result<Section, ReportError> {
     let mut section = Section::new(&heading(log));
     section.facts(&facts(log));
-    let plot = |name: &'static str, axis: &str, lines: Vec<Curve>| {
-        let drawn = || Ok((name, curves(name, ["time, s", axis], &lines, None)?));
-        (!lines.is_empty()).then(drawn)
+    let plot = |label: &'static str, axis: Axis<'_>, curves: Vec<Curve>| {
+        let plot = Plot { label, curves: &curves, ..Plot::default() };
+        (!curves.is_empty()).then(|| Ok((label, plot.svg([Axis::TIME, axis])?)))
     };
     let of = |color: Color, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value);
     let power_limit = |sample: &ControlSample| {
@@ -98,9 +98,9 @@ fn section(log: &CameraLog) -> Result<Section, ReportError> {
         .into_iter()
         .chain(of(Color::GREY, |sample| sample.longest_frame_ms));
     let plots = [
-        plot("Power", "power, W", power.collect()),
-        plot("Error", "error, 1 − SSIM", error.collect()),
-        plot("Frame time", "frame, ms", frame.collect()),
+        plot("Power", Axis::linear("power, W"), power.collect()),
+        plot("Error", Axis::ERROR, error.collect()),
+        plot("Frame time", Axis::linear("frame, ms"), frame.collect()),
     ];
     let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, ReportError>>()?;
     if !plots.is_empty() {

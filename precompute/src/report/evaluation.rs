@@ -6,7 +6,7 @@ use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
 use crate::evaluate::{FramePicture, TABLE_HEADERS, table_row};
 
-use super::{Color, Curve, Fact, Report, ReportError, Section, curves, provenance};
+use super::{Axis, Color, Curve, Fact, Mark, Plot, Report, ReportError, Section, provenance};
 
 /// A page on `result`, with `pictures` of frames.
 ///
@@ -51,18 +51,10 @@ fn evaluation_section(
         section.warning(warning);
     });
     section.facts(&facts(result));
-    section.legend(
-        result
-            .runs
-            .iter()
-            .enumerate()
-            .map(|(index, run)| (run.name.as_str(), color(index)))
-            .chain(limit_entry(result)),
-    );
-    let plots = plots(result)?;
-    if !plots.is_empty() {
-        section.plots(&plots);
-    }
+    let is_drawn = |name: &&str| result.runs.iter().any(|run| run.name == **name);
+    let drawn = OVER_TIME.iter().copied().filter(is_drawn);
+    section.legend(drawn.map(|name| (name, color(name))).chain(limit_entry(result)));
+    section.plots(&plots(result)?);
     let (headers, rows) = table(result);
     section.table("Every run played the same frames.", &headers, &rows);
     for run in &result.runs {
@@ -75,10 +67,6 @@ fn evaluation_section(
         section.pictures(pictures)?;
     }
     Ok(section)
-}
-
-fn color(run: usize) -> Color {
-    Color::SERIES[run % Color::SERIES.len()]
 }
 
 fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
@@ -117,37 +105,54 @@ fn facts(result: &EvaluationResult) -> Vec<Fact> {
     facts
 }
 
+/// Runs drawn over time, where they exist: more curves could not be told apart.
+const OVER_TIME: [&str; 4] = ["frugal", "trained-constant", "oracle", "maximum"];
+
+fn color(run: &str) -> Color {
+    OVER_TIME.iter().position(|name| *name == run).map_or(Color::GREY, |at| Color::SERIES[at])
+}
+
 fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, ReportError> {
     let budget = &result.budget;
-    let watts = budget.power_w.map(|watts| watts.0);
-    let over_time = |value: fn(&FrameRecord) -> f64| -> Vec<Curve> {
-        let points =
-            |run: &RunResult| run.series.iter().map(|frame| (frame.time, value(frame))).collect();
-        let width = |index: usize| if index == 0 { 3 } else { 2 };
-        result
-            .runs
-            .iter()
-            .enumerate()
-            .map(|(index, run)| Curve {
-                color: color(index),
-                width: width(index),
-                points: points(run),
-            })
-            .collect()
+    let marks: Vec<Mark> = result
+        .runs
+        .iter()
+        .map(|run| Mark {
+            name: run.name.clone(),
+            at: (run.mean_power_w.0, run.mean_error),
+            color: color(&run.name),
+        })
+        .collect();
+    let means = Plot {
+        label: "Mean error against mean power",
+        marks: &marks,
+        limit: budget.error,
+        ..Plot::default()
     };
-    let mut plots = Vec::new();
-    if result.runs.iter().any(|run| !run.series.is_empty()) {
-        let power = over_time(|frame| frame.power.0);
-        let error = over_time(|frame| frame.error);
-        plots.push((
-            "Power along the path",
-            curves("Power along the path", ["time, s", "power, W"], &power, watts)?,
-        ));
-        plots.push((
-            "Error along the path",
-            curves("Error along the path", ["time, s", "error, 1 − SSIM"], &error, budget.error)?,
-        ));
-    }
+    let mut plots = vec![(
+        "Mean error against mean power: a run is better than those above it and to its right",
+        means.svg([Axis::POWER, Axis::ERROR])?,
+    )];
+    let over_time = |value: fn(&FrameRecord) -> f64| -> Vec<Curve> {
+        let drawn = OVER_TIME.iter().filter_map(|name| {
+            let run = result.runs.iter().find(|run| run.name == *name)?;
+            let points = run.series.iter().map(|frame| (frame.time, value(frame))).collect();
+            let width = if *name == OVER_TIME[0] { 3 } else { 2 };
+            Some(Curve { color: color(name), width, points })
+        });
+        drawn.filter(|curve| !curve.points.is_empty()).collect()
+    };
+    let mut add = |label, curves: Vec<Curve>, limit, axis| -> Result<(), ReportError> {
+        if !curves.is_empty() {
+            let plot = Plot { label, curves: &curves, limit, ..Plot::default() };
+            plots.push((label, plot.svg([Axis::TIME, axis])?));
+        }
+        Ok(())
+    };
+    let watts = budget.power_w.map(|watts| watts.0);
+    let power = over_time(|frame| frame.power.0);
+    add("Power along the path", power, watts, Axis::linear("power, W"))?;
+    add("Error along the path", over_time(|frame| frame.error), budget.error, Axis::ERROR)?;
     Ok(plots)
 }
 
@@ -195,10 +200,10 @@ mod tests {
         ] {
             assert!(html.contains(text), "{text}");
         }
-        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (2, 7));
+        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (3, 7));
         // Read back from JSON, an evaluation has no frames, and still a report.
         let json = serde_json::to_string(&result).unwrap();
         let bare = evaluation_report(&serde_json::from_str(&json).unwrap(), &[]).unwrap();
-        assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (0, 0));
+        assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (1, 0));
     }
 }

@@ -1,12 +1,12 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use frugal_core::frontier::{Frontier, FrontierMap, Octree};
+use frugal_core::frontier::{Frontier, FrontierMap};
 use glam::Vec3;
 
 use super::plan::Plan;
 use super::{
-    Bar, Color, Curve, Fact, Report, ReportError, Section, Survey, bars, cloud, knob_table,
-    provenance, staircase,
+    Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, Survey, knob_table, provenance,
+    staircase,
 };
 
 /// Number of frontiers shown in full: the largest, the middle one, and the smallest.
@@ -45,14 +45,6 @@ pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
         ));
     }
     section.facts(&facts(map, &survey));
-    let levels = survey.inner.iter().zip(&survey.leaves).enumerate();
-    let rows: Vec<Vec<String>> = levels
-        .map(|(level, (inner, leaves))| {
-            vec![level.to_string(), inner.to_string(), leaves.to_string()]
-        })
-        .collect();
-    section.table("Nodes on every level of the octree", &["level", "subdivided", "leaves"], &rows);
-
     let mut shown: Vec<(usize, &Frontier)> =
         octree.frontiers.iter().enumerate().filter(|(_, frontier)| !frontier.is_empty()).collect();
     shown.sort_by_key(|(index, frontier)| (std::cmp::Reverse(frontier.points().len()), *index));
@@ -70,13 +62,13 @@ pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
         .iter()
         .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
         .collect();
+    let frontiers = Plot { label: "Some frontiers", curves: &lines, ..Plot::default() };
     section.plots(&[
         (
             "Seen from above, X to the right and Z down: outlines of leaves; corners, fainter where fewer of their views have a frontier",
             plan(map, &survey),
         ),
-        ("Numbers of settings of the frontiers", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0)?),
-        ("The largest, the middle and the smallest frontier", cloud("Some frontiers", ["power, W", "error, 1 − SSIM"], &[], &lines)?),
+        ("The largest, the middle and the smallest frontier", frontiers.svg([Axis::POWER, Axis::ERROR])?),
     ]);
     section
         .legend(names.iter().enumerate().map(|(rank, name)| (name.as_str(), Color::SERIES[rank])));
@@ -125,29 +117,6 @@ fn facts(map: &FrontierMap, survey: &Survey) -> Vec<Fact> {
     ]
 }
 
-/// Histogram of frontier sizes: 0 points, 1, 2, 3 to 4, 5 to 8, and so on.
-fn sizes(octree: &Octree) -> Vec<Bar> {
-    let class = |points: usize| {
-        points
-            .checked_sub(1)
-            .map_or(0, |rest| (rest.checked_ilog2().map_or(0, |log| log + 1) + 1) as usize)
-    };
-    let classes: Vec<usize> =
-        octree.frontiers.iter().map(|frontier| class(frontier.points().len())).collect();
-    let name = |class: usize| match class {
-        0 => "empty".to_owned(),
-        1 => "1 point".to_owned(),
-        2 => "2 points".to_owned(),
-        _ => format!("{}–{} points", (1usize << (class - 2)) + 1, 1usize << (class - 1)),
-    };
-    let low = classes.iter().copied().min().unwrap_or(1);
-    let high = classes.iter().copied().max().unwrap_or(0);
-    let value = |class: usize| classes.iter().filter(|&&other| other == class).count() as f64;
-    (low..=high)
-        .map(|class| Bar { name: name(class), value: value(class), color: Color::BLUE })
-        .collect()
-}
-
 /// The octree from above: outlines of leaves, and corners.
 fn plan(map: &FrontierMap, survey: &Survey) -> String {
     let [low, high] = corners(map);
@@ -177,7 +146,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use frugal_core::frontier::{
-        Bounds, Capture, Corner, CostPoint, FrontierPoint, SceneIdentity, Thresholds,
+        Bounds, Capture, Corner, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
     };
     use frugal_core::knobs::KnobSpace;
 
@@ -247,32 +216,5 @@ mod tests {
         };
         let html = map_report(&flat, &[]).unwrap();
         assert!(html.contains("damaged") && !html.contains("NaN") && !html.contains("inf\""));
-    }
-
-    #[test]
-    fn sizes_double_from_class_to_class() {
-        let of = |counts: &[usize]| {
-            let frontier = |count: usize| {
-                Frontier::from_points((0..count).map(|i| FrontierPoint {
-                    settings: Default::default(),
-                    cost: CostPoint::new(i as f64, -(i as f64)),
-                }))
-            };
-            let octree = Octree {
-                frontiers: counts.iter().map(|&count| frontier(count)).collect(),
-                ..Octree::default()
-            };
-            sizes(&octree).into_iter().map(|bar| (bar.name, bar.value)).collect::<Vec<_>>()
-        };
-        assert_eq!(of(&[0, 1]), [("empty".to_owned(), 1.0), ("1 point".to_owned(), 1.0)]);
-        assert_eq!(
-            of(&[3, 4, 2, 5]),
-            [
-                ("2 points".to_owned(), 1.0),
-                ("3–4 points".to_owned(), 2.0),
-                ("5–8 points".to_owned(), 1.0)
-            ]
-        );
-        assert!(of(&[]).is_empty());
     }
 }

@@ -8,10 +8,10 @@
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
 //! | `plan` | a scene from above, as SVG |
-//! | `plot` | SVG plots: power-error clouds, series over time, bars |
+//! | `plot` | SVG plots: points, curves and names over linear or logarithmic axes; bars |
 //! | `evaluation` | `frugal evaluate` |
 //! | `survey`, `map` | `frugal inspect`: statistics of an octree, and the section on it |
-//! | `search` | `frugal precompute`: cameras, costs, influence of knobs, regret, calibration, effort |
+//! | `search` | `frugal precompute`: cameras, error at equal power, influence of knobs, calibration, effort |
 //! | `control_log` | `frugal plot-log` |
 mod control_log;
 mod evaluation;
@@ -32,7 +32,7 @@ pub(crate) use control_log::{
 pub(crate) use evaluation::evaluation_report;
 pub(crate) use map::{map_report, map_section};
 pub(crate) use page::{Report, Section};
-pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, escape, staircase};
+pub(crate) use plot::{Axis, Bar, Color, Curve, Mark, Plot, bars, escape, staircase};
 pub(crate) use search::{SearchSummary, search_section};
 pub(crate) use survey::Survey;
 

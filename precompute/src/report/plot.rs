@@ -4,18 +4,29 @@
 //! stand out from white as well as from near black (contrast 3 : 1 or more on both), so that one
 //! drawing suits light and dark pages.
 
+use std::collections::HashSet;
+use std::ops::Range;
+
 use frugal_core::frontier::Frontier;
 use plotters::coord::Shift;
-use plotters::coord::ranged1d::{IntoSegmentedCoord, SegmentValue};
-use plotters::coord::types::RangedCoordf64;
+use plotters::coord::combinators::BindKeyPoints;
+use plotters::coord::ranged1d::{AsRangedCoord, IntoSegmentedCoord, SegmentValue, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::Color as _;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::ReportError;
 
 /// Width and height of a plot, in its own pixels; pages scale it.
 const SIZE: (u32, u32) = (560, 320);
 const FONT: (&str, i32) = ("sans-serif", 17);
+/// Of names beside points.
+const SMALL: (&str, i32) = ("sans-serif", 14);
+/// Room for such a name, pixels.
+const NAME_WIDTH: i32 = 130;
+const NAME_HEIGHT: i32 = 15;
+/// Length of the longest logarithmic axis.
+const MOST_DECADES: f64 = 5.0;
 
 /// A colour of data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +59,29 @@ impl Color {
     }
 }
 
+/// What an axis shows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Axis<'a> {
+    /// Quantity and unit.
+    pub name: &'a str,
+    /// Whether it is logarithmic. Values of 0 and less are drawn at its lower end.
+    pub is_log: bool,
+}
+
+impl<'a> Axis<'a> {
+    /// Error of images.
+    pub(crate) const ERROR: Axis<'static> = Axis { name: "error, 1 − SSIM", is_log: true };
+    /// Power of settings, which often differ by orders of magnitude.
+    pub(crate) const POWER: Axis<'static> = Axis { name: "power, W", is_log: true };
+    /// Time of a path or of an app.
+    pub(crate) const TIME: Axis<'static> = Axis::linear("time, s");
+
+    /// An axis in equal steps.
+    pub(crate) const fn linear(name: &'a str) -> Self {
+        Self { name, is_log: false }
+    }
+}
+
 /// A line through points.
 #[derive(Clone, Debug)]
 pub(crate) struct Curve {
@@ -57,6 +91,32 @@ pub(crate) struct Curve {
     pub width: u32,
     /// x and y; those that are not finite are left out.
     pub points: Vec<(f64, f64)>,
+}
+
+/// A point with its name beside it.
+#[derive(Clone, Debug)]
+pub(crate) struct Mark {
+    /// Name.
+    pub name: String,
+    /// x and y.
+    pub at: (f64, f64),
+    /// Its colour.
+    pub color: Color,
+}
+
+/// Points, curves and named marks over two axes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Plot<'a> {
+    /// For readers who do not see it.
+    pub label: &'a str,
+    /// Points in the background; those on one pixel are drawn once.
+    pub dots: &'a [(f64, f64)],
+    /// Drawn from the last to the first: the first is on top.
+    pub curves: &'a [Curve],
+    /// On top of all.
+    pub marks: &'a [Mark],
+    /// y of a dashed line across.
+    pub limit: Option<f64>,
 }
 
 /// One bar.
@@ -71,8 +131,6 @@ pub(crate) struct Bar {
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
-
 /// A frontier as a step function, power against error: no settings below or left of it were found.
 pub(crate) fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     let mut corners = Vec::new();
@@ -85,72 +143,134 @@ pub(crate) fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     corners
 }
 
-/// Points, with those on the same pixel drawn once, and lines over them.
-///
-/// # Errors
-/// When plotting fails.
-pub(crate) fn cloud(
-    label: &str,
-    axes: [&str; 2],
-    points: &[(f64, f64)],
-    lines: &[Curve],
-) -> Result<String, ReportError> {
-    let all = || points.iter().chain(lines.iter().flat_map(|line| &line.points)).copied();
-    let (xs, ys) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), true));
-    draw(label, |area| {
-        let mut chart =
-            chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
-        mesh(&mut chart, axes)?;
-        let pixel = |(x, y): (f64, f64)| {
-            let coordinate = |value: f64, (low, high): (f64, f64), pixels: u32| {
-                ((value - low) / (high - low) * f64::from(pixels)) as u32
-            };
-            (coordinate(x, xs, SIZE.0), coordinate(y, ys, SIZE.1))
+impl Plot<'_> {
+    /// Draws it.
+    ///
+    /// # Errors
+    /// When plotting fails.
+    pub(crate) fn svg(&self, axes: [Axis<'_>; 2]) -> Result<String, ReportError> {
+        let all = || {
+            let curves = self.curves.iter().flat_map(|curve| &curve.points);
+            self.dots.iter().chain(curves).copied().chain(self.marks.iter().map(|mark| mark.at))
         };
-        let mut seen = std::collections::HashSet::new();
-        let visible =
-            points.iter().copied().filter(|&point| finite(point) && seen.insert(pixel(point)));
+        let limit = self.limit.filter(|limit| limit.is_finite());
+        let xs = self.range(all().map(|point| point.0), axes[0].is_log, false);
+        let ys = self.range(all().map(|point| point.1).chain(limit), axes[1].is_log, true);
+        let (x_range, y_range) = (xs.0..xs.1, ys.0..ys.1);
+        let log = |range: &Range<f64>| range.clone().log_scale().with_key_points(ticks(range));
+        draw(self.label, |area| match axes.map(|axis| axis.is_log) {
+            [false, false] => self.paint(area, axes, x_range, y_range),
+            [false, true] => self.paint(area, axes, x_range, log(&y_range)),
+            [true, false] => self.paint(area, axes, log(&x_range), y_range),
+            [true, true] => self.paint(area, axes, log(&x_range), log(&y_range)),
+        })
+    }
+
+    /// The range of an axis.
+    fn range(
+        &self,
+        values: impl Iterator<Item = f64>,
+        is_log: bool,
+        from_zero: bool,
+    ) -> (f64, f64) {
+        if !is_log {
+            return range(values, from_zero);
+        }
+        let (low, high) = range(values.filter(|value| *value > 0.0).map(f64::log10), false);
+        // A map may hold an error of 1e-12 beside one of 0.1.
+        (10f64.powf(low.max(high - MOST_DECADES)), 10f64.powf(high))
+    }
+
+    fn paint<X, Y>(
+        &self,
+        area: &Area<'_>,
+        [x, y]: [Axis<'_>; 2],
+        xs: X,
+        ys: Y,
+    ) -> Result<(), ReportError>
+    where
+        X: AsRangedCoord<Value = f64, CoordDescType: ValueFormatter<f64>>,
+        Y: AsRangedCoord<Value = f64, CoordDescType: ValueFormatter<f64>>,
+    {
+        let mut chart = chart(area, 72).build_cartesian_2d(xs, ys).map_err(failed)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .axis_style(BLACK.mix(0.5))
+            .label_style(FONT.into_font().color(&BLACK))
+            .axis_desc_style(FONT.into_font().color(&BLACK))
+            .x_labels(7)
+            .y_labels(6)
+            .x_label_formatter(&|value| short(*value))
+            .y_label_formatter(&|value| short(*value))
+            .x_desc(x.name)
+            .y_desc(y.name)
+            .draw()
+            .map_err(failed)?;
+        let ends = (chart.x_range(), chart.y_range());
+        let visible = |&(x, y): &(f64, f64)| {
+            let inside = (x.max(ends.0.start), y.max(ends.1.start));
+            (x.is_finite() && y.is_finite()).then_some(inside)
+        };
+        let mut seen = HashSet::new();
+        let dots = self.dots.iter().filter_map(visible);
+        let dots: Vec<_> = dots.filter(|point| seen.insert(chart.backend_coord(point))).collect();
         let style = Color::GREY.rgb().mix(0.55).filled();
-        chart.draw_series(visible.map(|point| Circle::new(point, 2, style))).map_err(failed)?;
-        for line in lines {
-            draw_curve(&mut chart, line)?;
-            let marks = line.points.iter().copied().filter(|&point| finite(point));
-            chart
-                .draw_series(marks.map(|point| Circle::new(point, 1, line.color.rgb().filled())))
-                .map_err(failed)?;
+        chart
+            .draw_series(dots.into_iter().map(|point| Circle::new(point, 2, style)))
+            .map_err(failed)?;
+        for curve in self.curves.iter().rev() {
+            let style = curve.color.rgb().stroke_width(curve.width);
+            let points = curve.points.iter().filter_map(visible);
+            chart.draw_series(LineSeries::new(points, style)).map_err(failed)?;
+        }
+        if let Some(limit) = self.limit.filter(|limit| limit.is_finite()) {
+            let style = Color::RED.rgb().stroke_width(2);
+            let ends = [ends.0.start, ends.0.end].map(|x| (x, limit.max(ends.1.start)));
+            chart.draw_series(DashedLineSeries::new(ends, 7, 5, style)).map_err(failed)?;
+        }
+        // Names keep a line's distance from those above them.
+        let mut marks: Vec<(&Mark, (f64, f64))> =
+            self.marks.iter().filter_map(|mark| Some((mark, visible(&mark.at)?))).collect();
+        marks.sort_by(|a, b| b.1.1.total_cmp(&a.1.1));
+        let mut taken: Vec<(i32, i32)> = Vec::new();
+        for (mark, at) in marks {
+            let (left, mut top) = chart.backend_coord(&at);
+            let own = top;
+            // Near the right end a name stands before its point.
+            let is_left = left > SIZE.0 as i32 - NAME_WIDTH;
+            let column = if is_left { left - NAME_WIDTH } else { left };
+            taken.sort_by_key(|place| place.1);
+            for &(x, y) in &taken {
+                if (x - column).abs() < NAME_WIDTH && (y - top).abs() < NAME_HEIGHT {
+                    top = y + NAME_HEIGHT;
+                }
+            }
+            taken.push((column, top));
+            let anchor = if is_left { HPos::Right } else { HPos::Left };
+            let style = SMALL.into_font().color(&BLACK).pos(Pos::new(anchor, VPos::Center));
+            let aside = if is_left { -9 } else { 9 };
+            let element = EmptyElement::at(at)
+                + Circle::new((0, 0), 5, mark.color.rgb().filled())
+                + Text::new(mark.name.clone(), (aside, top - own), style);
+            chart.draw_series([element]).map_err(failed)?;
         }
         Ok(())
-    })
+    }
 }
 
-/// Curves over one x axis, with a dashed line across where there is a `limit`.
-///
-/// # Errors
-/// When plotting fails.
-pub(crate) fn curves(
-    label: &str,
-    axes: [&str; 2],
-    curves: &[Curve],
-    limit: Option<f64>,
-) -> Result<String, ReportError> {
-    let all = || curves.iter().flat_map(|curve| &curve.points);
-    let (xs, ys) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1).chain(limit), true));
-    draw(label, |area| {
-        let mut chart =
-            chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
-        mesh(&mut chart, axes)?;
-        // The first curve is the most important: drawn last, on top.
-        for curve in curves.iter().rev() {
-            draw_curve(&mut chart, curve)?;
-        }
-        if let Some(limit) = limit.filter(|limit| limit.is_finite()) {
-            let style = Color::RED.rgb().stroke_width(2);
-            chart
-                .draw_series(DashedLineSeries::new([(xs.0, limit), (xs.1, limit)], 7, 5, style))
-                .map_err(failed)?;
-        }
-        Ok(())
-    })
+/// 1, 2 and 5 of each power of ten, or the powers alone where there are many.
+fn ticks(range: &Range<f64>) -> Vec<f64> {
+    let decades = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
+    let steps: &[f64] =
+        if (range.end / range.start).log10() > 2.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    decades.flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade))).collect()
+}
+
+/// A number of an axis, without digits that are rounding.
+fn short(value: f64) -> String {
+    format!("{}", format!("{value:.3e}").parse::<f64>().unwrap_or(value))
 }
 
 /// Horizontal bars from top to bottom, each with its value at its end.
@@ -235,39 +355,8 @@ fn chart<'a, 'b>(area: &'b Area<'a>, left: u32) -> ChartBuilder<'b, 'b, SVGBacke
     builder
 }
 
-fn mesh(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2]) -> Result<(), ReportError> {
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(BLACK.mix(0.12))
-        .axis_style(BLACK.mix(0.5))
-        .label_style(FONT.into_font().color(&BLACK))
-        .axis_desc_style(FONT.into_font().color(&BLACK))
-        .x_labels(7)
-        .y_labels(6)
-        .x_desc(x)
-        .y_desc(y)
-        .draw()
-        .map_err(failed)
-}
-
-fn draw_curve(chart: &mut Chart<'_, '_>, curve: &Curve) -> Result<(), ReportError> {
-    let style = curve.color.rgb().stroke_width(curve.width);
-    chart
-        .draw_series(LineSeries::new(
-            curve.points.iter().copied().filter(|&point| finite(point)),
-            style,
-        ))
-        .map_err(failed)?;
-    Ok(())
-}
-
 fn failed(error: impl std::fmt::Display) -> ReportError {
     ReportError::Plot(error.to_string())
-}
-
-fn finite((x, y): (f64, f64)) -> bool {
-    x.is_finite() && y.is_finite()
 }
 
 /// A range of all finite values with a margin, never empty; from 0 if `from_zero`.
@@ -346,16 +435,23 @@ mod tests {
     #[test]
     fn plots_are_complete_use_the_page_s_colour_and_leave_out_invalid_values() {
         let odd = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (1.0, 1.0), (1.0, 1.0), (2.0, 0.5)];
-        let line = Curve { color: Color::BLUE, width: 2, points: odd.to_vec() };
         let bar = |value| Bar { name: "<a & b>".into(), value, color: Color::GREY };
-        let drawings = [
-            cloud("cloud", ["x", "y"], &odd, &[]),
-            cloud("cloud", ["x", "y"], &[], &[]),
-            curves("curves", ["x", "y"], &[line], Some(0.7)),
-            curves("curves", ["x", "y"], &[], None),
+        let curves = [Curve { color: Color::BLUE, width: 2, points: odd.to_vec() }];
+        let mark = |at| Mark { name: "<a & b>".into(), at, color: Color::GREY };
+        let marks = [odd[0], (0.0, 0.0), (2.0, 1.0), (-1.0, 1e300)].map(mark);
+        let plain = Plot { label: "plot", ..Plot::default() };
+        let full = Plot { dots: &odd, curves: &curves, marks: &marks, limit: Some(0.7), ..plain };
+        let wild = Plot { limit: Some(f64::NAN), ..full };
+        let linear = Axis::linear("x");
+        let mut drawings = vec![
             bars("bars", "watts", &[bar(1.0), bar(f64::NAN), bar(0.0)], 2),
             bars("bars", "watts", &[], 2),
         ];
+        for axes in
+            [[linear; 2], [linear, Axis::ERROR], [Axis::POWER, linear], [Axis::POWER, Axis::ERROR]]
+        {
+            drawings.extend([plain, full, wild].map(|plot| plot.svg(axes)));
+        }
         for drawing in drawings {
             let svg = drawing.unwrap();
             assert!(
@@ -370,8 +466,24 @@ mod tests {
     #[test]
     fn points_on_one_pixel_are_drawn_once() {
         let points = vec![(1.0, 1.0); 10_000];
-        let svg = cloud("cloud", ["x", "y"], &points, &[]).unwrap();
+        let plot = Plot { label: "dots", dots: &points, ..Plot::default() };
+        let svg = plot.svg([Axis::POWER, Axis::ERROR]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 1);
+    }
+
+    #[test]
+    fn a_logarithmic_axis_has_round_numbers_and_room_for_zero() {
+        let points = vec![(1.0, 0.0), (2.0, 1e-12), (3.0, 0.1)];
+        let curves = [Curve { color: Color::BLUE, width: 2, points }];
+        let plot = Plot { label: "errors", curves: &curves, ..Plot::default() };
+        let svg = plot.svg([Axis::TIME, Axis::ERROR]).unwrap();
+        assert!(svg.contains("\n0.1\n") && svg.contains("\n0.00001\n"), "{svg}");
+        assert!(!svg.contains("0.0000000"), "five decades at most: {svg}");
+        assert_eq!(short(0.1 + 0.2), "0.3");
+        assert_eq!(
+            ticks(&(0.9..30.0)),
+            [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0]
+        );
     }
 
     #[test]

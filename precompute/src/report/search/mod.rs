@@ -1,5 +1,5 @@
-//! The section on a search: cameras and the settings selected there, costs, influence of knobs,
-//! regret at held-out cameras, calibration, effort.
+//! The section on a search: cameras and the settings selected there, error at equal power, influence
+//! of knobs, calibration, effort.
 
 mod plots;
 mod summary;
@@ -28,12 +28,11 @@ pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportE
             ),
             plan,
         ),
-        ("Costs of the pool at the training cameras, and the shared frontier", plots::costs(summary)?),
-        ("Error of each knob lowered alone to its worst level, mean over the pilot cameras", influence),
         (
-            "Error under a power budget at held-out cameras ÷ the least error possible within that budget: blue with the map's frontiers, grey with the one shared frontier",
-            plots::regret(summary)?,
+            "Mean error at equal mean power at the training cameras: settings by view (blue), from frontiers fitted without that view; the best constant (orange); all settings of the pool (grey)",
+            plots::equal_power(summary)?,
         ),
+        ("Error of each knob lowered alone to its worst level, mean over the pilot cameras", influence),
         (
             "Calibrated error budgets: the predicted error at which the controller keeps each budget (blue); on the grey line predictions would need no correction",
             plots::calibration(summary)?,

@@ -1,14 +1,13 @@
-//! Plots of a search: cameras, costs, influence of knobs, regret at held-out cameras, calibration.
+//! Plots of a search: cameras, error at equal power, influence of knobs, calibration.
 
-use frugal_core::control::{Budget, select};
-use frugal_core::frontier::CostPoint;
+use frugal_core::control::Budget;
+use frugal_core::frontier::{CostPoint, Frontier, FrontierPoint};
 use frugal_core::knobs::KnobLevels;
-use frugal_core::units::Watts;
 use frugal_search::cameras::MovingCamera;
 
 use super::summary::{SearchSummary, mean_cost, selected, training_cameras};
 use crate::report::plan::Plan;
-use crate::report::{Bar, Color, Curve, ReportError, bars, cloud, curves, staircase};
+use crate::report::{Axis, Bar, Color, Curve, Plot, ReportError, bars, staircase};
 
 /// The error budget under which settings are selected.
 pub(super) const PLAN_BUDGET: f64 = 0.02;
@@ -56,19 +55,45 @@ pub(super) fn plan(summary: &SearchSummary) -> (String, Vec<(String, Color)>) {
     (plan.finish(), legend)
 }
 
-/// Power budgets of the regret at held-out cameras, as shares of the range of power.
-const REGRET_BUDGETS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
+/// Exchange rates of error against power, watts per unit of error, from 10 to the power of −2 to 6.
+fn rates() -> impl Iterator<Item = f64> {
+    (0..=160).map(|step| 10f64.powf(-2.0 + 0.05 * f64::from(step)))
+}
 
-/// Costs of the pool at every training camera, and the shared frontier.
-pub(super) fn costs(summary: &SearchSummary) -> Result<String, ReportError> {
+/// Mean error against mean power over the training cameras: by view at one exchange rate, from
+/// frontiers fitted without that view, and of constant settings.
+pub(super) fn equal_power(summary: &SearchSummary) -> Result<String, ReportError> {
     let table = &summary.outcome.training;
-    let points: Vec<(f64, f64)> = (0..table.settings().len())
-        .flat_map(|column| table.known(column))
-        .map(|(_, cost)| (cost.power.0, cost.error))
+    let constants: Vec<CostPoint> = (0..table.settings().len())
+        .filter_map(|column| table.mean(column, 0..table.rows()))
         .collect();
-    let shared =
-        Curve { color: Color::BLUE, width: 2, points: staircase(&summary.outcome.fitted.shared) };
-    cloud("Costs of the pool", ["power, W", "error, 1 − SSIM"], &points, &[shared])
+    let mean = |rate: f64| {
+        let costs: Option<Vec<CostPoint>> = (0..table.rows())
+            .map(|row| {
+                let frontier = summary.outcome.fitted.held_out.get(row)?;
+                table.get(row, frontier.least_sum(rate)?.settings)
+            })
+            .collect();
+        let costs = costs.filter(|costs| !costs.is_empty())?;
+        let mean = |value: fn(&CostPoint) -> f64| {
+            costs.iter().map(value).sum::<f64>() / costs.len() as f64
+        };
+        Some((mean(|cost| cost.power.0), mean(|cost| cost.error)))
+    };
+    let by_view =
+        Curve { color: Color::BLUE, width: 2, points: rates().filter_map(mean).collect() };
+    let points =
+        constants.iter().map(|cost| FrontierPoint { settings: KnobLevels::default(), cost: *cost });
+    let best = staircase(&Frontier::from_points(points));
+    let best = Curve { color: Color::SERIES[1], width: 2, points: best };
+    let dots: Vec<(f64, f64)> = constants.iter().map(|cost| (cost.power.0, cost.error)).collect();
+    let plot = Plot {
+        label: "Mean error at equal mean power",
+        dots: &dots,
+        curves: &[by_view, best],
+        ..Plot::default()
+    };
+    plot.svg([Axis::POWER, Axis::ERROR])
 }
 
 /// A bar for each knob with effect, and the names of the others.
@@ -88,62 +113,16 @@ pub(super) fn influence(summary: &SearchSummary) -> Result<(String, Vec<String>)
     Ok((bars("Influence of knobs", "error, 1 − SSIM", &rows, 3)?, without))
 }
 
-/// Mean error of two selections at held-out cameras over that of the best selection, by budget.
-pub(super) fn regret(summary: &SearchSummary) -> Result<String, ReportError> {
-    let outcome = &summary.outcome;
-    let table = &outcome.training;
-    let mut ours = Curve { color: Color::BLUE, width: 2, points: Vec::new() };
-    let mut shared = Curve { color: Color::GREY, width: 2, points: Vec::new() };
-    let powers = outcome.fitted.shared.points();
-    let Some((low, high)) = powers.first().zip(powers.last()) else {
-        return curves("Regret", ["power budget, W", "share"], &[ours, shared], None);
-    };
-    for share in REGRET_BUDGETS {
-        let watts = low.cost.power.0 + share * (high.cost.power.0 - low.cost.power.0);
-        let budget = Budget::power(Watts(watts));
-        let (mut least, mut picked, mut common) = (0.0, 0.0, 0.0);
-        for (row, _) in training_cameras(summary) {
-            let costs: Vec<CostPoint> = (0..table.settings().len())
-                .filter_map(|column| table.at(row, column))
-                .filter(|cost| cost.power.0 <= watts)
-                .collect();
-            let error = |settings: Option<KnobLevels>| Some(table.get(row, settings?)?.error);
-            let one = select(&outcome.fitted.shared, &budget).map(|choice| choice.settings);
-            let best = costs.iter().map(|cost| cost.error).fold(f64::INFINITY, f64::min);
-            if let (Some(a), Some(b)) = (error(selected(summary, row, &budget)), error(one))
-                && best.is_finite()
-            {
-                least += best;
-                picked += a;
-                common += b;
-            }
-        }
-        if least > 0.0 {
-            ours.points.push((watts, picked / least));
-            shared.points.push((watts, common / least));
-        }
-    }
-    curves(
-        "Regret at held-out cameras",
-        ["power budget, W", "error ÷ least"],
-        &[ours, shared],
-        Some(1.0),
-    )
-}
-
 /// Budgets, and the predicted errors that keep them.
 pub(super) fn calibration(summary: &SearchSummary) -> Result<String, ReportError> {
     let known = summary.map.error_rates.0.iter();
     let points: Vec<(f64, f64)> =
         known.filter_map(|rate| Some((rate.budget, rate.predicted?))).collect();
     let straight = points.iter().map(|(budget, _)| (*budget, *budget)).collect();
-    cloud(
-        "Calibration of error budgets",
-        ["error budget", "predicted error"],
-        &[],
-        &[
-            Curve { color: Color::BLUE, width: 2, points },
-            Curve { color: Color::GREY, width: 1, points: straight },
-        ],
-    )
+    let curves = [
+        Curve { color: Color::BLUE, width: 2, points },
+        Curve { color: Color::GREY, width: 1, points: straight },
+    ];
+    let plot = Plot { label: "Calibration of error budgets", curves: &curves, ..Plot::default() };
+    plot.svg(["error budget", "predicted error"].map(|name| Axis { name, is_log: true }))
 }
