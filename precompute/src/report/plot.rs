@@ -265,7 +265,8 @@ fn ticks(range: &Range<f64>) -> Vec<f64> {
     let decades = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
     let steps: &[f64] =
         if (range.end / range.start).log10() > 2.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
-    decades.flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade))).collect()
+    let all = decades.flat_map(|decade| steps.iter().map(move |step| step * 10f64.powi(decade)));
+    all.filter(|tick| range.contains(tick)).collect()
 }
 
 /// A number of an axis, without digits that are rounding.
@@ -480,10 +481,7 @@ mod tests {
         assert!(svg.contains("\n0.1\n") && svg.contains("\n0.00001\n"), "{svg}");
         assert!(!svg.contains("0.0000000"), "five decades at most: {svg}");
         assert_eq!(short(0.1 + 0.2), "0.3");
-        assert_eq!(
-            ticks(&(0.9..30.0)),
-            [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0]
-        );
+        assert_eq!(ticks(&(0.9..30.0)), [1.0, 2.0, 5.0, 10.0, 20.0]);
     }
 
     #[test]

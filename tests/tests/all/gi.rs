@@ -23,6 +23,7 @@ tests!(
     gi_is_the_same_after_it_was_switched_off_and_on,
     moving_the_light_moves_the_bounce,
     moving_an_object_changes_the_bounce,
+    a_light_and_a_camera_can_change_places,
     a_still_scene_gives_identical_frames,
     two_stages_of_a_scene_agree,
     lights_that_are_not_finite_are_ignored,
@@ -150,6 +151,36 @@ fn gi_is_the_same_after_it_was_switched_off_and_on() {
     set::radiance(&mut stage);
     set::apply(&mut stage, PLAIN);
     assert!(set::radiance(&mut stage) == before);
+}
+
+/// Helmholtz's reciprocity. The places differ in distance, slope and colour of what is there.
+fn a_light_and_a_camera_can_change_places() {
+    let at_floor = (Vec3::new(-1.2, 1.2, 0.8), Vec3::new(-0.6, 0.0, -0.4));
+    let at_wall = (Vec3::new(1.4, 1.8, 1.0), Vec3::new(0.5, 1.1, -1.9));
+    let seen = [(at_floor, at_wall), (at_wall, at_floor)].map(|((light, lit), (eye, target))| {
+        let (inner_angle, outer_angle) = (4.0, 6.0);
+        let light = Light::Spot {
+            position: light,
+            direction: lit - light,
+            luminous_power: 500_000.0,
+            range: 30.0,
+            inner_angle,
+            outer_angle,
+            color: [1.0; 3],
+        };
+        let mut stage = corner(vec![light]);
+        set::look(&mut stage, eye, target);
+        let image = set::radiance(&mut stage);
+        let middle = |i: usize| (22..26).contains(&(i % 48)) && (12..15).contains(&(i / 48));
+        let middle: Vec<f64> = image
+            .luminance()
+            .enumerate()
+            .filter_map(|(i, value)| middle(i).then_some(value.into()))
+            .collect();
+        middle.iter().sum::<f64>() / middle.len() as f64
+    });
+    let ratio = seen[0] / seen[1];
+    assert!(seen[0] > 0.1 && (0.97..1.03).contains(&ratio), "{seen:?}: {ratio}");
 }
 
 fn spot(position: Vec3) -> Light {

@@ -29,7 +29,7 @@ pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportE
             plan,
         ),
         (
-            "Mean error at equal mean power at the training cameras: settings by view (blue), from frontiers fitted without that view; the best constant (orange); all settings of the pool (grey)",
+            "Mean error at equal mean power at the training cameras: settings by view (blue), from frontiers fitted without that view; the best constant (orange)",
             plots::equal_power(summary)?,
         ),
         ("Error of each knob lowered alone to its worst level, mean over the pilot cameras", influence),

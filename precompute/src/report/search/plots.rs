@@ -86,10 +86,8 @@ pub(super) fn equal_power(summary: &SearchSummary) -> Result<String, ReportError
         constants.iter().map(|cost| FrontierPoint { settings: KnobLevels::default(), cost: *cost });
     let best = staircase(&Frontier::from_points(points));
     let best = Curve { color: Color::SERIES[1], width: 2, points: best };
-    let dots: Vec<(f64, f64)> = constants.iter().map(|cost| (cost.power.0, cost.error)).collect();
     let plot = Plot {
         label: "Mean error at equal mean power",
-        dots: &dots,
         curves: &[by_view, best],
         ..Plot::default()
     };
