@@ -43,6 +43,16 @@ mod schedule;
 pub mod signals;
 #[cfg(feature = "stage")]
 pub mod stage;
+/// Without the feature `stage` the tool cannot render an app.
+#[cfg(not(feature = "stage"))]
+pub mod stage {
+    use bevy::app::{PluginGroup, PluginGroupBuilder};
+
+    /// An app's plugins, as they are.
+    pub fn on_stage(plugins: impl PluginGroup) -> PluginGroupBuilder {
+        plugins.build()
+    }
+}
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 pub use frugal_core::units;

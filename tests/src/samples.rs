@@ -11,6 +11,7 @@ mod readme {
 
         App::new()
             .add_plugins((DefaultPlugins, FrugalGiPlugins))
+            .insert_resource(FrameRateLimit { hertz: Some(60.0) }) // the frame rate of the map
             .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
                 commands.spawn((
                     Camera3d::default(),
@@ -126,7 +127,7 @@ mod using_recording {
             .add_plugins((
                 DefaultPlugins,
                 FrugalGiPlugins,
-                CameraRecorderPlugin::new("cameras.txt"),
+                CameraRecorderPlugin::new("walk.cameras"),
             ))
             .add_systems(Startup, |mut commands: Commands| {
                 commands.spawn((Camera3d::default(), FrugalGi::default(), RecordCamera));

@@ -71,20 +71,23 @@ fn summary(data: &Data) -> String {
     let rows = [
         [
             format!(
-                "error ÷ that of one constant: {}, which uses {} of the budget",
+                "error ÷ that of one constant: {}. The constant uses {} of the budget",
                 decimals(trained),
                 percents(constant)
             ),
             format!(
-                "same power budget, medians of 30 to 90 %; counted work; {} paths",
+                "same power budget; median over budgets from 30 to 90 % of the range; counted work; {} paths",
                 paths.len()
             ),
         ],
         [
-            format!("÷ that of two constants in turns, tuned on the path: {}", decimals(turns)),
+            format!("error ÷ that of two constants in turns: {}", decimals(turns)),
+            "the same; both tuned on the path".into(),
+        ],
+        [
+            format!("error ÷ that with one frontier for all views: {}", decimals(shared)),
             "the same".into(),
         ],
-        [format!("÷ that of one frontier for all views: {}", decimals(shared)), "the same".into()],
         [
             format!(
                 "{} of the budget used; {} of the windows of 30 s over it by 2 %",
@@ -110,7 +113,7 @@ fn summary(data: &Data) -> String {
         ],
         [
             format!(
-                "indirect light has {} of the path-traced mean",
+                "mean of the indirect light ÷ that by path tracing: {}",
                 span(&format!("{:.2}", ratio.low), &format!("{:.2}", ratio.high))
             ),
             format!("{} views, best settings, one bounce", data.accuracy.rows.len()),
