@@ -2,9 +2,7 @@
 //! cover for it.
 //!
 //! Inside the scene's box that is around the camera, which any surface may be near. From outside,
-//! as from above a large world or through a long lens, it is where the view enters the box. Options:
-//! the depth of the last frame, read back, is exact but late and differs from run to run; boxes of
-//! single meshes cost time for each. We use the scene's box alone.
+//! as from above a large world or through a long lens, it is where the view enters the box.
 
 use bevy::math::{Mat4, Vec3};
 use bevy::transform::components::Transform;

@@ -18,76 +18,6 @@ pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 /// Lower and upper corner of a box.
 type Corners = (Vec3A, Vec3A);
 
-/// The box around nothing.
-const NOTHING: Corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-
-/// The boxes of all meshes as the leaves of a binary tree, whose inner nodes are the boxes around
-/// their children: a mesh that moves changes those above it, and no other mesh is looked at.
-pub(super) struct BoxTree {
-    slots: EntityHashMap<usize>,
-    unused: Vec<usize>,
-    /// The root is the first but one; the children of the `n`-th are the `2n`-th and the next.
-    /// Leaves are the second half.
-    boxes: Vec<Corners>,
-}
-
-impl Default for BoxTree {
-    fn default() -> Self {
-        Self { slots: EntityHashMap::default(), unused: vec![0], boxes: vec![NOTHING; 2] }
-    }
-}
-
-impl BoxTree {
-    /// The box around all.
-    fn all(&self) -> Option<(Vec3, Vec3)> {
-        let (least, most) = self.boxes[1];
-        least.cmple(most).all().then(|| (Vec3::from(least), Vec3::from(most)))
-    }
-
-    /// Sets a mesh's box, or takes it out.
-    fn set(&mut self, mesh: Entity, place: Option<Corners>) {
-        let slot = match self.slots.get(&mesh) {
-            Some(slot) => *slot,
-            None if place.is_none() => return,
-            None => self.unused.pop().unwrap_or_else(|| self.grow()),
-        };
-        if place.is_some() {
-            self.slots.insert(mesh, slot);
-        } else {
-            self.slots.remove(&mesh);
-            self.unused.push(slot);
-        }
-        let mut index = self.boxes.len() / 2 + slot;
-        self.boxes[index] = place.unwrap_or(NOTHING);
-        while index > 1 {
-            index /= 2;
-            let around = union(self.boxes[2 * index], self.boxes[2 * index + 1]);
-            if self.boxes[index] == around {
-                break;
-            }
-            self.boxes[index] = around;
-        }
-    }
-
-    /// Twice as many leaves. Returns an unused one.
-    fn grow(&mut self) -> usize {
-        let count = self.boxes.len() / 2;
-        let leaves = self.boxes.split_off(count);
-        self.boxes = vec![NOTHING; 2 * count];
-        self.boxes.extend(leaves);
-        self.boxes.resize(4 * count, NOTHING);
-        for index in (1..2 * count).rev() {
-            self.boxes[index] = union(self.boxes[2 * index], self.boxes[2 * index + 1]);
-        }
-        self.unused.extend((count + 1..2 * count).rev());
-        count
-    }
-}
-
-fn union(a: Corners, b: Corners) -> Corners {
-    (a.0.min(b.0), a.1.max(b.1))
-}
-
 /// Whether any mesh changed or went in this frame.
 pub(super) fn is_touched(changes: Res<MeshChanges>) -> bool {
     !changes.touched.is_empty() || !changes.gone.is_empty()
@@ -97,7 +27,7 @@ pub(super) fn is_touched(changes: Res<MeshChanges>) -> bool {
 /// is in no map, and must not stretch them.
 pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,
-    mut boxes: Local<BoxTree>,
+    mut boxes: Local<EntityHashMap<Corners>>,
     meshes: Query<(&Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
     changes: Res<MeshChanges>,
 ) {
@@ -107,9 +37,13 @@ pub(super) fn update_scene_box(
             let (low, high) = (center - half, center + half);
             (low.is_finite() && high.is_finite()).then_some((low, high))
         });
-        boxes.set(*mesh, place);
+        match place {
+            Some(place) => boxes.insert(*mesh, place),
+            None => boxes.remove(mesh),
+        };
     }
-    scene.set_if_neq(SceneBox(boxes.all()));
+    let around = boxes.values().copied().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+    scene.set_if_neq(SceneBox(around.map(|(low, high)| (low.into(), high.into()))));
 }
 
 #[cfg(test)]

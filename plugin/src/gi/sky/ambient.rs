@@ -7,11 +7,6 @@
 //! that are not deferred (transparent, transmissive and forward-rendered ones), which global
 //! illumination does not light, and the multiple scattering of rough metals, which Bevy reads from
 //! the same map.
-//!
-//! Options: (1) this; (2) subtracting Bevy's term where ours is added, which leaves the difference
-//! of two large half floats; (3) a second set of view bind groups for deferred lighting alone,
-//! which would keep transparent meshes lit, but not forward ones, at the price of making all of
-//! Bevy's view bindings twice in every frame. We use 1.
 
 use bevy::asset::AssetId;
 use bevy::asset::uuid::Uuid;
