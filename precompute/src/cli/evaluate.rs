@@ -21,9 +21,7 @@ use super::arguments::{
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
 use super::progress::Progress;
-use crate::evaluate::{
-    self, EvaluationError, RecordError, frames_csv, pictures, play_for_real, table,
-};
+use crate::evaluate::{self, EvaluationError, frames_csv, pictures, play_for_real, table};
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 use bevy_frugal_gi::stage::default_settings;
@@ -311,11 +309,11 @@ fn record(
         evaluate::extend(&mut record, stage.processes(), &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
-        RecordError::Journal(error) => of.failed(&error),
-        RecordError::Play(EvaluationError::Interrupted) if kept.is_none() => CliError::failed(
+        EvaluationError::Journal(error) => of.failed(&error),
+        EvaluationError::Interrupted if kept.is_none() => CliError::failed(
             "interrupted: nothing was written; --record FILE keeps what is rendered",
         ),
-        RecordError::Play(EvaluationError::Interrupted) => of.interrupted(),
+        EvaluationError::Interrupted => of.interrupted(),
         error => CliError::failed(error),
     })?;
     eprintln!(

@@ -2,8 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 
 use bevy_frugal_gi::stage::NO_METER;
 use bevy_frugal_gi::stage::protocol::Opened;
@@ -18,7 +17,7 @@ use super::process::StageProcess;
 use super::program::RemoteError;
 use super::staged::StagedScene;
 use crate::device::on_this_machine;
-use crate::stage::StageOptions;
+use crate::stage::{StageOptions, side_by_side};
 use crate::subject::frame_layout;
 use crate::work_meter::{WorkMeter, is_work_meter};
 
@@ -137,53 +136,34 @@ impl Measure for RemoteStage {
         self.processes[0].measure(clip, settings)
     }
 
-    /// Each process takes the next batch when it is done with its last. All end after the rendering that
-    /// they are at where one fails, or `done` breaks.
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
     ) -> Result<(), RemoteError> {
         let batches = split(batches, self.processes.len());
-        let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
-        let (sender, results) = mpsc::channel();
-        std::thread::scope(|scope| {
-            for process in &mut self.processes {
-                let (sender, batches, next, ends) = (sender.clone(), &batches, &next, &ends);
-                scope.spawn(move || {
-                    while let Some((batch, clip, settings)) =
-                        batches.get(next.fetch_add(1, Ordering::Relaxed))
-                    {
-                        for settings in *settings {
-                            if ends.load(Ordering::Relaxed) {
-                                return;
-                            }
-                            let (batch, settings) = (*batch, *settings);
-                            let cost = process.measure(clip, settings);
-                            let result = cost.map(|cost| Measured { batch, settings, cost });
-                            let has_failed = result.is_err();
-                            if sender.send(result).is_err() || has_failed {
-                                return;
-                            }
-                        }
-                    }
-                });
-            }
-            drop(sender);
-            let mut failure = Ok(());
-            for result in results {
-                match result {
-                    // What was rendered counts, even after the end.
-                    Ok(measured) if done(measured).is_continue() => {}
-                    Ok(_) => ends.store(true, Ordering::Relaxed),
-                    Err(error) => {
-                        ends.store(true, Ordering::Relaxed);
-                        failure = Err(error);
-                    }
+        let mut result = Ok(());
+        side_by_side(
+            &mut self.processes,
+            &batches,
+            |process, (batch, clip, settings), tell| {
+                settings.iter().try_for_each(|settings| {
+                    let cost = process.measure(clip, *settings);
+                    let has_failed = cost.is_err();
+                    let (batch, settings) = (*batch, *settings);
+                    let told = tell(cost.map(|cost| Measured { batch, settings, cost }));
+                    if has_failed { ControlFlow::Break(()) } else { told }
+                })
+            },
+            |measured| match measured {
+                Ok(measured) => done(measured),
+                Err(error) => {
+                    result = Err(error);
+                    ControlFlow::Break(())
                 }
-            }
-            failure
-        })
+            },
+        );
+        result
     }
 }
 

@@ -211,8 +211,6 @@ fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, RemoteError
 }
 
 impl FrameRenderer for StageProcess {
-    type Error = RemoteError;
-
     fn begin_run(
         &mut self,
         _: &str,

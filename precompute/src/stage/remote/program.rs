@@ -33,7 +33,7 @@ pub(crate) struct RemoteError {
 }
 
 impl RemoteError {
-    pub(super) fn failed(message: impl ToString) -> Self {
+    pub(crate) fn failed(message: impl ToString) -> Self {
         Self { usage: false, message: message.to_string() }
     }
 
