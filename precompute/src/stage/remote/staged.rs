@@ -114,9 +114,7 @@ impl StagedScene {
             ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
         let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
-        let sky_bytes = postcard::to_stdvec(&sky).map_err(RemoteError::failed)?;
-        let parts = [scene.fingerprint().map_err(RemoteError::usage)?.into_bytes(), sky_bytes];
-        let fingerprint = scene::fingerprint_of(&parts.concat());
+        let fingerprint = scene::fingerprint(&scene, &scene.geometry, &sky);
         scene.description.environment = match &sky {
             ExtractedSky::Black => Environment::None,
             ExtractedSky::Constant(radiance) => Environment::Constant(*radiance),
