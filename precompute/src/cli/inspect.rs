@@ -11,7 +11,7 @@ use super::input::read_map;
 use crate::inspect::{
     CompareError, MapComparison, compare, comparison_table, presets, presets_table,
 };
-use crate::report::{Survey, map_report};
+use crate::report::{map_facts, map_report};
 use frugal_search::evaluate::PowerBudget;
 
 #[derive(clap::Args, Debug)]
@@ -78,7 +78,10 @@ fn summarise(arguments: &Arguments) -> Result<(), CliError> {
         .as_ref()
         .map(|path| presets_of(&map, &arguments.map).map(|both| (path, both)))
         .transpose()?;
-    print_facts(&map, &text);
+    for (name, value) in map_facts(&map) {
+        println!("{name:<10} {value}");
+    }
+    println!("file       {} bytes", text.len());
     if let Some((path, (table, file))) = presets {
         print!("\n{table}");
         write(path, file.as_bytes())?;
@@ -94,45 +97,6 @@ fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliErr
     let presets = presets(map).map_err(|error| CliError::in_file(path, error))?;
     let file = presets.to_ron().map_err(CliError::failed)?;
     Ok((presets_table(&presets), file))
-}
-
-fn print_facts(map: &FrontierMap, text: &str) {
-    let survey = Survey::new(&map.octree);
-    let points: usize = map.octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let [width, height] = map.capture.size;
-    println!("scene      {} ({})", map.scene.name, map.scene.fingerprint);
-    println!("capture    {width}x{height} at {} frames per second", map.capture.frames_per_second);
-    println!(
-        "meter      {:?}, {}: {}",
-        map.meter.provenance, map.meter.name, map.meter.description
-    );
-    println!("knobs      {}, {} combinations", map.knobs.len(), map.knobs.combinations());
-    println!(
-        "octree     {} nodes, {} corners, {} levels",
-        map.octree.nodes.len(),
-        map.octree.corners.len(),
-        map.octree.levels
-    );
-    println!(
-        "frontiers  {}, {points} points; {} of {} views are empty",
-        map.octree.frontiers.len(),
-        survey.empty_views,
-        survey.known_views + survey.empty_views
-    );
-    if let [first, .., last] = map.shared.points() {
-        println!(
-            "power      {:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
-            first.cost.power.0, last.cost.power.0, first.cost.error, last.cost.error
-        );
-    }
-    match map.error_rates.0.as_slice() {
-        [first, .., last] => {
-            println!("budgets    errors of {} to {} are calibrated", first.budget, last.budget);
-        }
-        _ => println!("budgets    no error budget is calibrated"),
-    }
-    println!("thresholds {:.4} W, {}", map.thresholds.power_w, map.thresholds.error);
-    println!("file       {} bytes", text.len());
 }
 
 /// Compares the map with an older one; a rise of power is an error with its own exit status, after

@@ -4,7 +4,7 @@ use frugal_trace::metrics::Picture;
 
 use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
-use crate::evaluate::{FramePicture, TABLE_HEADERS, table_row};
+use crate::evaluate::{FramePicture, TABLE_HEADERS, notes, table_row};
 
 use super::{Axis, Color, Curve, Fact, Mark, Plot, Report, ReportError, Section, provenance};
 
@@ -57,10 +57,8 @@ fn evaluation_section(
     section.plots(&plots(result)?);
     let (headers, rows) = table(result);
     section.table("Every run played the same frames.", &headers, &rows);
-    for run in &result.runs {
-        if let Some(note) = &run.note {
-            section.paragraph(&format!("{}: {note}.", run.name));
-        }
+    for note in notes(result) {
+        section.paragraph(&note);
     }
     if !pictures.is_empty() {
         section.heading("The same frames under each");
@@ -86,21 +84,6 @@ fn facts(result: &EvaluationResult) -> Vec<Fact> {
     }
     if let Some(error) = result.budget.error {
         facts.push(("Error budget", error.to_string()));
-    }
-    if let Some(check) = &result.spot_check {
-        facts.push((
-            "The frugal run rendered",
-            format!("{:.3} W, error {:.4}", check.mean_power_w.0, check.mean_error),
-        ));
-        let drift = &result.drift;
-        facts.push((
-            "Maximum played again after it",
-            format!(
-                "{:+.1}% power, mean error {:.5} against itself",
-                100.0 * drift.relative,
-                drift.repeat_mean_error
-            ),
-        ));
     }
     facts
 }
