@@ -12,14 +12,14 @@ use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Policy, PowerBudget, Trial,
     parse_error_budget, settings_to_record,
 };
-use frugal_search::journal::{Existing, Journal, JournalHeader, hash};
+use frugal_search::journal::{Existing, hash};
 
 use super::CliError;
 use super::arguments::{
     SceneArguments, WorkerArguments, check_outputs, check_report, json, write, write_report,
 };
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
-use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
+use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
 use crate::evaluate::{self, EvaluationError, frames_csv, pictures, play_for_real, table};
 use crate::report::evaluation_report;
@@ -182,16 +182,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let kept = arguments.record_file();
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), kept.as_ref()])?;
     check_report(arguments.report.as_ref())?;
-    let header = record_header(&scene.identity()?, &map, &path);
-    if let Some(file) = &kept {
-        Journal::check(file, &header, Existing::Resume)
-            .map_err(|error| JournalUse::Evaluate.refused(&error))?;
-    }
-
     let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;
-    let record = record(&mut stage, &map, header, &path, arguments.baselines, kept)?;
+    let identity = scene.identity()?;
+    let record = record(&mut stage, &map, &identity, &path, arguments.baselines, kept)?;
     let (meter, label) = (stage.meter(), scene.label.clone());
     let trial = Trial {
         scene: &label,
@@ -280,17 +275,11 @@ fn outputs(
     Ok(())
 }
 
-/// The part of the record's header that is known before anything is rendered.
-fn record_header(scene: &SceneIdentity, map: &FrontierMap, path: &PathPlan) -> JournalHeader {
-    let poses = hash(&format!("{:?}", path.poses()));
-    journal_header(scene, &map.capture).with("path", format!("{} {poses:016x}", path.name()))
-}
-
 /// The path's record: read where it is `kept`, extended with what the comparison needs.
 fn record(
     stage: &mut RemoteStage,
     map: &FrontierMap,
-    header: JournalHeader,
+    scene: &SceneIdentity,
     path: &PathPlan,
     baselines: Baselines,
     kept: Option<PathBuf>,
@@ -298,7 +287,9 @@ fn record(
     let of = JournalUse::Evaluate;
     let scratch = tempfile::tempdir().map_err(CliError::failed)?;
     let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
-    let header = rendered_by(header, &map.knobs, &stage.meter())?;
+    let poses = hash(&format!("{:?}", path.poses()));
+    let header = journal_header(scene, &map.capture, &map.knobs, &stage.meter())?
+        .with("path", format!("{} {poses:016x}", path.name()));
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
     let settings = settings_to_record(map, baselines, default_settings(&map.knobs));
