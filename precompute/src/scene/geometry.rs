@@ -56,7 +56,7 @@ pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Che
         }
         std::thread::sleep(YIELD);
     };
-    if let Some(failure) = spawned.failures.first() {
+    if let Some(failure) = &spawned.failure {
         return Err(unusable(name, failure));
     }
     // What was spawned in this update has its place in the next.
