@@ -45,7 +45,7 @@ const FEWEST: usize = 40;
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([Some(&arguments.output)])?;
     let scene = open_scene(&arguments.scene)?;
-    let request = stage_for(&scene, &arguments.capture)?;
+    let request = stage_for(&scene, &arguments.capture);
     let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
     let bounds = scene.camera_bounds();

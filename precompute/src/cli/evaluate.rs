@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy_frugal_gi::error_meter::ErrorMeter;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::{FrontierMap, SceneIdentity};
 use frugal_search::evaluate::{
@@ -16,7 +15,8 @@ use frugal_search::journal::{Existing, hash};
 
 use super::CliError;
 use super::arguments::{
-    SceneArguments, WorkerArguments, check_outputs, check_report, json, write, write_report,
+    Choices, SceneArguments, WorkerArguments, check_outputs, check_report, json, one_of, write,
+    write_report,
 };
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal};
@@ -48,7 +48,7 @@ pub(super) struct Arguments {
     horizon: Option<f64>,
     /// Baselines to compare with, all simulated from a record of the path. Quick ones are presets,
     /// resolution, and the constant by training cameras
-    #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = baselines())]
+    #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = one_of(BASELINES))]
     baselines: Baselines,
     /// Record of the path to resume and extend: power and error of settings in every frame; default:
     /// beside the map, and none of quick comparisons
@@ -83,20 +83,16 @@ fn horizon(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "expected seconds, 0 to 3600".to_owned())
 }
 
-/// The extents of a comparison by their names.
-fn baselines() -> impl TypedValueParser<Value = Baselines> {
-    let names = [
-        ("all", "Constants, one frontier, oracles, the reactive ladder, presets, resolution"),
-        ("quick", "Presets, resolution, and the constant by training cameras"),
-        ("none", "None: the frugal run alone"),
-    ];
-    let names = names.map(|(name, help)| PossibleValue::new(name).help(help));
-    PossibleValuesParser::new(names).map(|name| match name.as_str() {
-        "all" => Baselines::All,
-        "none" => Baselines::None,
-        _ => Baselines::Quick,
-    })
-}
+/// The extents of a comparison.
+const BASELINES: Choices<Baselines> = &[
+    (
+        "all",
+        Baselines::All,
+        "Constants, one frontier, oracles, the reactive ladder, presets, resolution",
+    ),
+    ("quick", Baselines::Quick, "Presets, resolution, and the constant by training cameras"),
+    ("none", Baselines::None, "None: the frugal run alone"),
+];
 
 fn transition(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);

@@ -18,7 +18,7 @@ use super::program::{Program, RemoteError};
 use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, ReferenceError, SceneDescription, SceneError,
 };
-use crate::stage::{StageError, every_knob, useful_knobs};
+use crate::stage::{every_knob, useful_knobs};
 use crate::subject::view_describer;
 
 /// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
@@ -77,7 +77,7 @@ impl StagedScene {
             name: file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned),
             label: path.display().to_string(),
             program: Program::File(path.to_owned()),
-            knobs: every_knob().unwrap_or_default(),
+            knobs: every_knob(),
             scene,
             level: None,
         })
@@ -166,13 +166,10 @@ impl StagedScene {
     }
 
     /// Names of the knobs that can affect its images: an app's own among them.
-    ///
-    /// # Errors
-    /// Never, as long as the built-in knobs are valid.
-    pub(crate) fn useful_knobs(&self) -> Result<Vec<String>, StageError> {
-        let useful = useful_knobs(&self.scene)?;
-        let Some(level) = &self.level else { return Ok(useful) };
-        let built_in = every_knob()?;
+    pub(crate) fn useful_knobs(&self) -> Vec<String> {
+        let useful = useful_knobs(&self.scene);
+        let Some(level) = &self.level else { return useful };
+        let built_in = every_knob();
         let is_textured = !self.scene.geometry.textures.is_empty();
         let is_useful = |name: &String| match name.as_str() {
             // An app may ask for reflections, contact shadows or fog, and its textures may have mip
@@ -182,7 +179,7 @@ impl StagedScene {
             _ => useful.contains(name) || built_in.index_of(name).is_none(),
         };
         let names = self.knobs.knobs().iter().map(|knob| knob.name.clone());
-        Ok(names.filter(|name| is_useful(name) && !level.opt_in.contains(name)).collect())
+        names.filter(|name| is_useful(name) && !level.opt_in.contains(name)).collect()
     }
 
     /// A process that renders it, for images whose power nobody reads.
