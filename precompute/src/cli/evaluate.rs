@@ -183,13 +183,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let mut stage = RemoteStage::open(&scene, request, workers)?;
     let identity = scene.identity()?;
     let record = record(&mut stage, &map, &identity, &path, arguments.baselines, kept)?;
-    let (meter, label) = (stage.meter(), scene.label.clone());
+    let (meter, label) = (stage.meter.clone(), scene.label.clone());
     let trial = Trial {
         scene: &label,
         record: &record,
         map: &map,
         lens: stage.lens(),
-        size: stage.size(),
+        size: stage.size,
         meter: &meter,
         control: arguments.control(),
         baselines: arguments.baselines,
@@ -220,7 +220,7 @@ fn check(
     let mut policies: Vec<_> = results.iter().map(policy).collect();
     let (path, best) = (&trial.record.path, trial.map.knobs.highest());
     stage.warm()?;
-    let renderer = &mut stage.processes()[0];
+    let renderer = &mut stage.processes[0];
     let played =
         with_progress(|on_frame| play_for_real(renderer, path, best, &mut policies, on_frame))
             .map_err(CliError::failed)?;
@@ -263,7 +263,7 @@ fn outputs(
     if let (Some(folder), [result]) = (&arguments.report, results) {
         let (path, frames) = (&trial.record.path, result.frames);
         let numbers = [frames / 4, frames / 2, 3 * frames / 4];
-        let renderer = &mut stage.processes()[0];
+        let renderer = &mut stage.processes[0];
         let kept = with_progress(|on_frame| pictures(renderer, path, result, &numbers, on_frame))
             .map_err(CliError::failed)?;
         write_report(folder, &evaluation_report(result, &kept)?)?;
@@ -284,7 +284,7 @@ fn record(
     let scratch = tempfile::tempdir().map_err(CliError::failed)?;
     let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
     let poses = hash(&format!("{:?}", path.poses()));
-    let header = journal_header(scene, &map.capture, &map.knobs, &stage.meter())?
+    let header = journal_header(scene, &map.capture, &map.knobs, &stage.meter)?
         .with("path", format!("{} {poses:016x}", path.name()));
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
@@ -293,7 +293,7 @@ fn record(
         stage.warm()?;
     }
     let recorded = with_progress(|on_frame| {
-        evaluate::extend(&mut record, stage.processes(), &settings, &mut journal, on_frame)
+        evaluate::extend(&mut record, &mut stage.processes, &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
         EvaluationError::Journal(error) => of.failed(&error),

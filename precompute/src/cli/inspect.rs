@@ -8,9 +8,7 @@ use frugal_core::frontier::FrontierMap;
 use super::CliError;
 use super::arguments::{check_outputs, check_report, json, write, write_report};
 use super::input::read_map;
-use crate::inspect::{
-    CompareError, MapComparison, compare, comparison_table, presets, presets_table,
-};
+use crate::inspect::{MapComparison, compare, comparison_table, presets, presets_table};
 use crate::report::{map_facts, map_report};
 use frugal_search::evaluate::PowerBudget;
 
@@ -104,12 +102,7 @@ fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliErr
 fn compare_maps(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     let ((old_map, _), (new_map, _)) = (read_map(old)?, read_map(&arguments.map)?);
     let comparison = compare(&old_map, &new_map, arguments.any_device).map_err(|error| {
-        let way = if matches!(error, CompareError::OtherDevice { .. }) {
-            "; --any-device compares all the same"
-        } else {
-            ""
-        };
-        CliError::usage(format!("{} and {}: {error}{way}", old.display(), arguments.map.display()))
+        CliError::usage(format!("{} and {}: {error}", old.display(), arguments.map.display()))
     })?;
     print!("{}", comparison_table(&comparison));
     if !crate::device::is_same(&old_map.meter, &new_map.meter) {

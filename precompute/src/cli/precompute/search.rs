@@ -57,7 +57,7 @@ impl SearchPlan<'_> {
             paths.join(",")
         };
         let paths = if paths.is_empty() { "none".to_owned() } else { paths };
-        Ok(journal_header(identity, &self.capture(), stage.space(), &stage.meter())?
+        Ok(journal_header(identity, &self.capture(), &stage.space, &stage.meter)?
             .with("seed", arguments.seed)
             .with("time limit", limit.unwrap_or_else(|| "none".to_owned()))
             .with("number of training cameras", arguments.training)
@@ -76,7 +76,7 @@ pub(super) fn search(
     let SearchPlan { scene, tracks, arguments, .. } = *plan;
     let (existing, search) = (arguments.journal.existing(), &arguments.search);
     let config = search.config();
-    let space = stage.space().clone();
+    let space = stage.space.clone();
     let bounds = scene.camera_bounds();
     let cameras = sample_cameras(stage, scene, tracks, search);
     let (capture, identity) = (plan.capture(), scene.identity()?);
@@ -92,15 +92,15 @@ pub(super) fn search(
         space.combinations(),
         cameras.training.len(),
         cameras.calibration.len(),
-        stage.meter().description
+        stage.meter.description
     );
     // Compiles and loads everything before anything is metered.
     stage.warm()?;
 
-    let layout = frame_layout(scene, stage.size());
+    let layout = frame_layout(scene, stage.size);
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let lens = stage.lens();
-    let idle = stage.idle();
+    let idle = stage.idle;
     // Only when the first view is described: on a resumed run it may never be.
     let describer = LazyCell::new(|| scene.view_describer());
     let describe = |camera: &MovingCamera| {
@@ -130,7 +130,7 @@ pub(super) fn search(
     let outcome = run_pipeline(&subject, &config, setup);
     drop(shown);
     let outcome = outcome.map_err(|error| cli_error(error, scene))?;
-    let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter());
+    let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter.clone());
     map.validate().map_err(CliError::failed)?;
     Ok(SearchSummary { map, outcome, cameras })
 }

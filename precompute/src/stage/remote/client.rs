@@ -24,11 +24,15 @@ use crate::work_meter::{WorkMeter, is_work_meter};
 /// A stage in another process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {
     /// At least one.
-    processes: Vec<StageProcess>,
-    size: [u32; 2],
-    space: KnobSpace,
-    meter: MeterInfo,
-    idle: Watts,
+    pub processes: Vec<StageProcess>,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// The knobs on offer.
+    pub space: KnobSpace,
+    /// The meter's name, provenance and device.
+    pub meter: MeterInfo,
+    /// Idle power, as far as the meter covers it.
+    pub idle: Watts,
     vertical_fov_degrees: f32,
 }
 
@@ -57,11 +61,12 @@ impl RemoteStage {
         if work.is_some() {
             options.meter = Some(NO_METER.to_owned());
         }
-        let process =
-            || StageProcess::new(scene.program.clone(), options.clone(), work.clone(), threads);
-        let first = process().with(scene.take_running());
-        let more = (1..count).map(|_| process());
-        let mut processes: Vec<_> = std::iter::once(first).chain(more).collect();
+        // The first begins with the program that the level came from, where there is one.
+        let process = |_| {
+            let (program, running) = (scene.program.clone(), scene.take_running());
+            StageProcess::new(program, running, options.clone(), work.clone(), threads)
+        };
+        let mut processes: Vec<_> = (0..count).map(process).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
         let (meter, idle) = match &work {
             Some(work) => (work.info(), work.idle()),
@@ -77,35 +82,10 @@ impl RemoteStage {
         })
     }
 
-    /// The knobs on offer.
-    pub(crate) fn space(&self) -> &KnobSpace {
-        &self.space
-    }
-
-    /// The meter's name, provenance and device.
-    pub(crate) fn meter(&self) -> MeterInfo {
-        self.meter.clone()
-    }
-
-    /// Idle power, as far as the meter covers it.
-    pub(crate) fn idle(&self) -> Watts {
-        self.idle
-    }
-
-    /// Width and height, pixels.
-    pub(crate) fn size(&self) -> [u32; 2] {
-        self.size
-    }
-
     /// Vertical field of view in radians, and width ÷ height.
     pub(crate) fn lens(&self) -> (f32, f32) {
         let [width, height] = self.size;
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
-    }
-
-    /// Every process, for what each can render alone.
-    pub(crate) fn processes(&mut self) -> &mut [StageProcess] {
-        &mut self.processes
     }
 
     /// Renders every level of every knob once, in every process, so that no metered frame compiles.

@@ -184,7 +184,7 @@ impl StagedScene {
 
     /// A process that renders it, for images whose power nobody reads.
     pub(crate) fn process(&self, options: StageOptions) -> StageProcess {
-        StageProcess::new(self.program.clone(), options, None, None).with(self.take_running())
+        StageProcess::new(self.program.clone(), self.take_running(), options, None, None)
     }
 
     /// The program that the level came from, once.
