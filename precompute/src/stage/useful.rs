@@ -5,7 +5,7 @@ use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
 use frugal_core::knobs::KnobSpace;
 use frugal_trace::light::Light;
 
-use crate::scene::{Environment, LoadedScene};
+use crate::scene::LoadedScene;
 
 /// Names of the built-in knobs that can affect images of `scene`. All levels of the others look and
 /// cost the same, and would only lengthen the search.
@@ -13,11 +13,7 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Vec<String> {
     let geometry = &scene.geometry;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
-    let has_environment = match &scene.environment {
-        Environment::None => false,
-        Environment::Constant(radiance) => *radiance != [0.0; 3],
-        Environment::Map(_, intensity) => *intensity > 0.0,
-    };
+    let has_environment = scene.environment.sends_light();
     let has_emissive = geometry.materials.iter().any(|material| material.emissive != [0.0; 3]);
     let space = knobs();
     // From a corner, the shortest view distance may leave out the opposite one.
