@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use bevy_frugal_gi::error_meter::ErrorMeter;
 use frugal_core::control::ControlSettings;
@@ -58,10 +57,6 @@ pub(super) struct Arguments {
     /// comparisons, else 0
     #[arg(long, value_name = "N")]
     spot_checks: Option<usize>,
-    /// Duration of transitions between settings, up and down, in seconds; default as in an app: 1
-    /// s, and 0.5 s down under a power limit
-    #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
-    transition: Option<Duration>,
     /// Power meter; default: the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
@@ -94,22 +89,7 @@ const BASELINES: Choices<Baselines> = &[
     ("none", Baselines::None, "None: the frugal run alone"),
 ];
 
-fn transition(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
-    // Beyond what a duration holds, infinity among it, is never.
-    let time = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-    seconds.map(time).ok_or_else(|| "expected seconds, 0 or more".to_owned())
-}
-
 impl Arguments {
-    fn control(&self) -> ControlSettings {
-        self.transition.map_or_else(ControlSettings::default, |time| ControlSettings {
-            transition: time,
-            fall: time,
-            ..Default::default()
-        })
-    }
-
     /// Number of budgets to play for real.
     fn checks(&self) -> usize {
         self.spot_checks.unwrap_or(usize::from(self.baselines == Baselines::Quick))
@@ -191,7 +171,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         lens: stage.lens(),
         size: stage.size,
         meter: &meter,
-        control: arguments.control(),
+        control: ControlSettings::default(),
         baselines: arguments.baselines,
         default: default_settings(&map.knobs),
         meter_interval: |count| ErrorMeter::default().interval(count),
