@@ -1,11 +1,8 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use std::collections::{BTreeMap, BTreeSet};
-
-use frugal_core::frontier::{Corner, Frontier, FrontierMap, Octree};
+use frugal_core::frontier::{Corner, Frontier, FrontierMap};
 use glam::Vec3;
 
-use super::plan::Plan;
 use super::{
     Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, knob_table, provenance, staircase,
 };
@@ -14,8 +11,6 @@ use super::{
 const SHOWN: usize = 3;
 /// Greatest number of rows shown of a frontier.
 const ROWS: usize = 30;
-/// Colour of corners in the plan at which every view has a frontier.
-const CORNER: Color = Color::BLUE;
 
 /// A page on a map; `facts`: conditions of the map.
 ///
@@ -58,13 +53,10 @@ pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
         .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
         .collect();
     let frontiers = Plot { label: "Some frontiers", curves: &lines, ..Plot::default() };
-    section.plots(&[
-        (
-            "Seen from above, X to the right and Z down: outlines of leaves; corners, fainter where fewer of their views have a frontier",
-            plan(map),
-        ),
-        ("The largest, the middle and the smallest frontier", frontiers.svg([Axis::POWER, Axis::ERROR])?),
-    ]);
+    section.plots(&[(
+        "The largest, the middle and the smallest frontier",
+        frontiers.svg([Axis::POWER, Axis::ERROR])?,
+    )]);
     section
         .legend(names.iter().enumerate().map(|(rank, name)| (name.as_str(), Color::SERIES[rank])));
     for ((_, frontier), name) in shown.iter().zip(&names) {
@@ -87,9 +79,8 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
     let ([low, high], octree, meter) = (corners(map), &map.octree, &map.meter);
     let [width, height] = map.capture.size;
     let points: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let (known, views) = columns(octree)
-        .into_values()
-        .fold((0, 0), |sum, column| (sum.0 + column.0, sum.1 + column.1));
+    let views = octree.corners.iter().flat_map(|corner| corner.frontiers);
+    let known = views.filter(|index| *index != Corner::UNKNOWN).count();
     let power = match map.shared.points() {
         [first, .., last] => format!(
             "{:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
@@ -118,8 +109,8 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         (
             "octree",
             format!(
-                "{} leaves, {} corners, {} levels",
-                leaves(octree).len(),
+                "{} nodes, {} corners, {} levels",
+                octree.nodes.len(),
                 octree.corners.len(),
                 octree.levels
             ),
@@ -127,8 +118,9 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         (
             "frontiers",
             format!(
-                "{}, {points} points; {known} of {views} views have one",
-                octree.frontiers.len()
+                "{}, {points} points; {known} of {} views have one",
+                octree.frontiers.len(),
+                6 * octree.corners.len()
             ),
         ),
         ("power", power),
@@ -144,54 +136,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
     ]
 }
 
-/// Leaves seen from above, in lattice steps: lowest x, lowest z, edge.
-fn leaves(octree: &Octree) -> Vec<(u32, u32, u32)> {
-    let mut leaves = Vec::new();
-    let mut open = vec![(0, 0, 0, u32::from(octree.lattice()))];
-    while let Some((node, x, z, edge)) = open.pop() {
-        match octree.nodes.get(node) {
-            None => {}
-            Some(0) => leaves.push((x, z, edge)),
-            Some(first) => {
-                let half = edge / 2;
-                // Children lie in the order x + 2y + 4z.
-                open.extend((0..8).map(|child: u32| {
-                    let node = *first as usize + child as usize;
-                    (node, x + half * (child & 1), z + half * (child >> 2), half)
-                }));
-            }
-        }
-    }
-    leaves
-}
-
-/// Corners seen from above, by x and z in lattice steps: views with a frontier, and all views.
-fn columns(octree: &Octree) -> BTreeMap<(u16, u16), (usize, usize)> {
-    let mut columns = BTreeMap::new();
-    for Corner { at: [x, _, z], frontiers } in &octree.corners {
-        let column: &mut (usize, usize) = columns.entry((*x, *z)).or_default();
-        column.0 += frontiers.iter().filter(|index| **index != Corner::UNKNOWN).count();
-        column.1 += frontiers.len();
-    }
-    columns
-}
-
-/// The octree from above: outlines of leaves, and corners.
-fn plan(map: &FrontierMap) -> String {
-    let [low, high] = corners(map);
-    let step = (high - low) / f32::from(map.octree.lattice());
-    let at = |x: u32, z: u32| low + step * Vec3::new(x as f32, 0.0, z as f32);
-    let mut plan = Plan::new("The octree from above", low, high);
-    for (x, z, edge) in leaves(&map.octree).into_iter().collect::<BTreeSet<_>>() {
-        plan.outline(at(x, z), at(x + edge, z + edge));
-    }
-    for ((x, z), (known, of)) in columns(&map.octree) {
-        let opacity = 0.15 + 0.85 * known as f64 / of as f64;
-        plan.dot(at(x.into(), z.into()), CORNER, opacity);
-    }
-    plan.finish()
-}
-
 /// Lowest and highest corner of the space of cameras, metres.
 fn corners(map: &FrontierMap) -> [Vec3; 2] {
     [map.bounds.min, map.bounds.max].map(Vec3::from_array)
@@ -205,7 +149,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use frugal_core::frontier::{
-        Bounds, Capture, CostPoint, FrontierPoint, SceneIdentity, Thresholds,
+        Bounds, Capture, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
     };
     use frugal_core::knobs::KnobSpace;
 
@@ -259,29 +203,6 @@ mod tests {
         ] {
             assert!(html.contains(text), "{text}");
         }
-        assert!(html.contains("viewBox=\"0 0 464.0 244.0\""), "the plan is true to scale");
-    }
-
-    #[test]
-    fn every_level_is_counted() {
-        // A root whose last child (upper x, y and z) is subdivided again.
-        let mut nodes = vec![1, 0, 0, 0, 0, 0, 0, 0, 9];
-        nodes.extend([0; 8]);
-        let corner = |at, frontiers| Corner { at, frontiers };
-        let unknown = Corner::UNKNOWN;
-        let corners = vec![
-            corner([0, 0, 0], [0; 6]),
-            corner([0, 4, 0], [unknown; 6]),
-            corner([4, 4, 4], [0, 0, 0, unknown, 0, 0]),
-        ];
-        let octree = Octree { levels: 2, nodes, corners, frontiers: vec![Default::default()] };
-        let leaves = leaves(&octree);
-        assert_eq!(leaves.len(), 7 + 8);
-        // From above: four large squares (there is a leaf below the subdivided child too), four
-        // small ones.
-        assert_eq!(leaves.iter().collect::<BTreeSet<_>>().len(), 8);
-        assert!(leaves.contains(&(2, 3, 1)) && leaves.contains(&(2, 0, 2)));
-        assert_eq!(columns(&octree), [((0, 0), (6, 12)), ((4, 4), (5, 6))].into());
     }
 
     #[test]
