@@ -20,4 +20,4 @@ mod table;
 pub(crate) use check::{FramePicture, pictures, play_for_real};
 pub(crate) use play::{EvaluationError, Progress, plan_along};
 pub(crate) use render_path::extend;
-pub(crate) use table::{TABLE_HEADERS, frames_csv, notes, table, table_row};
+pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};

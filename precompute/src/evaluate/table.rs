@@ -25,6 +25,19 @@ pub(crate) fn table_row(run: &RunResult) -> [String; 8] {
     ]
 }
 
+/// What was played, metered and asked for.
+pub(crate) fn headline(result: &EvaluationResult) -> String {
+    let EvaluationResult { scene, path, frames, fps, size: [width, height], meter, .. } = result;
+    let limit = result.budget.power_w.map(|limit| format!(" (power {:.3} W)", limit.0));
+    format!(
+        "{scene}, path {path}: {frames} frames at {fps} fps, {width}×{height}. Power is {} by {}. Budget: {}{}.",
+        meter.provenance,
+        meter.name,
+        result.asked,
+        limit.unwrap_or_default()
+    )
+}
+
 /// `result` as plain text; every line ends with a line break.
 pub(crate) fn table(result: &EvaluationResult) -> String {
     let rows: Vec<[String; 8]> = result.runs.iter().map(table_row).collect();
@@ -49,16 +62,7 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
         format!("{}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
     };
 
-    let how = &result.meter.provenance;
-    let [pixels_wide, pixels_high] = result.size;
-    let mut text = format!(
-        "{}, path {}: {} frames at {} fps, {pixels_wide}×{pixels_high}. Power is {how} by {}. Budget: {}",
-        result.scene, result.path, result.frames, result.fps, result.meter.name, result.asked
-    );
-    if let Some(limit) = result.budget.power_w {
-        let _ = write!(text, " (power {:.3} W)", limit.0);
-    }
-    text.push_str(".\n\n");
+    let mut text = headline(result) + "\n\n";
     text.push_str(&line(&|column| TABLE_HEADERS[column].to_owned()));
     text.push_str(&line(&|column| "-".repeat(widths[column])));
     for row in &rows {

@@ -4,9 +4,9 @@ use frugal_trace::metrics::Picture;
 
 use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
-use crate::evaluate::{FramePicture, TABLE_HEADERS, notes, table_row};
+use crate::evaluate::{FramePicture, TABLE_HEADERS, headline, notes, table_row};
 
-use super::{Axis, Color, Curve, Fact, Mark, Plot, Report, ReportError, Section, provenance};
+use super::{Axis, Color, Curve, Mark, Plot, Report, ReportError, Section, provenance};
 
 /// A page on `result`, with `pictures` of frames.
 ///
@@ -43,6 +43,7 @@ fn evaluation_section(
 ) -> Result<Section, ReportError> {
     let mut section =
         Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
+    section.paragraph(&headline(result));
     section.paragraph(&format!(
         "{} Watts are power at the target frame rate. Error is 1 − SSIM of a frame against the same frame at the highest settings: 0 is equal.",
         provenance(&result.meter)
@@ -50,7 +51,6 @@ fn evaluation_section(
     result.warnings.iter().for_each(|warning| {
         section.warning(warning);
     });
-    section.facts(&facts(result));
     let is_drawn = |name: &&str| result.runs.iter().any(|run| run.name == **name);
     let drawn = OVER_TIME.iter().copied().filter(is_drawn);
     section.legend(drawn.map(|name| (name, color(name))).chain(limit_entry(result)));
@@ -70,22 +70,6 @@ fn evaluation_section(
 fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
     (result.budget.power_w.is_some() || result.budget.error.is_some())
         .then_some(("budget (dashed)", Color::RED))
-}
-
-fn facts(result: &EvaluationResult) -> Vec<Fact> {
-    let [width, height] = result.size;
-    let mut facts = vec![
-        ("Image size", format!("{width} × {height} pixels")),
-        ("Frames", format!("{} at {} per second", result.frames, result.fps)),
-        ("Requested budget", result.asked.clone()),
-    ];
-    if let Some(power) = result.budget.power_w {
-        facts.push(("Power budget", format!("{:.3} W", power.0)));
-    }
-    if let Some(error) = result.budget.error {
-        facts.push(("Error budget", error.to_string()));
-    }
-    facts
 }
 
 /// Runs drawn over time, where they exist: more curves could not be told apart.
@@ -178,8 +162,8 @@ mod tests {
             "was not measured. It was computed by the model formula",
             "&lt;court&gt;",
             "resolution-only",
-            "10 at 5 per second",
-            "16 × 12 pixels",
+            "10 frames at 5 fps",
+            "16×12",
         ] {
             assert!(html.contains(text), "{text}");
         }

@@ -143,8 +143,9 @@ fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> Opti
     let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
     let is_loading = |handle: &Handle<StandardMaterial>| {
         materials.get(handle).is_none_or(|material| {
-            let mut images = images(material);
-            images.any(|image| matches!(server.get_load_state(image), Some(LoadState::Loading)))
+            let mut material = material.clone();
+            let mut images = slots(&mut material).into_iter().flatten();
+            images.any(|image| matches!(server.get_load_state(&*image), Some(LoadState::Loading)))
         })
     };
     if handles.iter().any(is_loading) {
@@ -177,18 +178,6 @@ fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> Opti
     missing.sort();
     missing.dedup();
     Some(missing)
-}
-
-fn images(material: &StandardMaterial) -> impl Iterator<Item = &Handle<Image>> {
-    [
-        &material.base_color_texture,
-        &material.metallic_roughness_texture,
-        &material.emissive_texture,
-        &material.normal_map_texture,
-        &material.occlusion_texture,
-    ]
-    .into_iter()
-    .flatten()
 }
 
 fn slots(material: &mut StandardMaterial) -> [&mut Option<Handle<Image>>; 5] {
