@@ -102,7 +102,10 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         ),
         (
             "cameras",
-            format!("({}, {}, {}) to ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z),
+            format!(
+                "between ({}, {}, {}) and ({}, {}, {}) m",
+                low.x, low.y, low.z, high.x, high.y, high.z
+            ),
         ),
         ("meter", format!("{}, {}: {}", meter.provenance, meter.name, meter.description)),
         ("knobs", format!("{}, {} combinations", map.knobs.len(), map.knobs.combinations())),
