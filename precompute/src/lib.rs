@@ -16,7 +16,3 @@ pub mod scene;
 pub mod stage;
 mod subject;
 mod work_meter;
-
-// For the benchmarks. Not part of the interface.
-#[doc(hidden)]
-pub use evaluate::read_record;

@@ -16,6 +16,7 @@ use bevy::app::App;
 use bevy::asset::{AssetPlugin, Assets};
 use bevy::camera::{PerspectiveProjection, Projection};
 use bevy::ecs::entity::Entity;
+use bevy::math::{Quat, Vec3};
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::{GlobalTransform, Transform};
 use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
@@ -23,12 +24,13 @@ use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::power::{MeterInfo, MeterState, MeteredPower, Provenance};
 use bevy_frugal_gi::units::Watts;
-use frugal::{read_record, scene};
+use frugal::scene::{self, SceneDescription};
 use frugal_core::frontier::CostPoint;
 use frugal_core::testing::{SimulatedDevice, SimulatedMeter};
 use frugal_search::evaluate::{
-    PathRecord, Policy, Reactive, ResolvedBudget, best_constant, ladder,
+    PathPlan, PathRecord, Policy, Pose, Reactive, ResolvedBudget, best_constant, ladder,
 };
+use frugal_search::journal::read_journal;
 use frugal_tests::table::markdown;
 
 /// Seconds of a run, and those at its start that do not count.
@@ -445,6 +447,29 @@ fn company(level: &Level) {
     println!("{}", markdown(&["beside", "frugal", "best constant", "reactive"], &rows));
 }
 
+/// Power and error of a map's settings at every frame of the scene's tour, as
+/// `frugal evaluate --record` wrote them to `file`.
+fn read_record(
+    file: &Path,
+    scene: &SceneDescription,
+    map: &FrontierMap,
+) -> Result<PathRecord, String> {
+    let tour = scene.paths.get("tour").ok_or("the scene has no path `tour`")?;
+    let fps = map.capture.frames_per_second;
+    let plan = PathPlan::sample("tour", f64::from(tour.duration()), fps, |seconds| {
+        let pose = tour.sample(tour.start() + seconds as f32);
+        pose.unwrap_or(Pose { position: Vec3::ZERO, rotation: Quat::IDENTITY })
+    })?;
+    let (_, lines) = read_journal(file)
+        .map_err(|error| format!("{error}; `frugal evaluate --record` writes such a file"))?;
+    let record = PathRecord::restore(&plan, &map.knobs, &lines);
+    if record.table.settings().is_empty() {
+        let file = file.display();
+        return Err(format!("{file}: no complete run of `tour` at {fps} frames per second"));
+    }
+    Ok(record)
+}
+
 /// The parts of the benchmark, all of which run unless some are named.
 const PARTS: [(&str, fn(&Level)); 3] =
     [("budgets", budgets), ("changes", changes), ("company", company)];
@@ -466,7 +491,7 @@ fn main() {
             let description = scene::load(scene).map_err(|error| error.to_string())?;
             let text = std::fs::read_to_string(map).map_err(|error| error.to_string())?;
             let map = FrontierMap::from_ron(&text).map_err(|error| error.to_string())?;
-            let record = read_record(record, &description, "tour", &map)?;
+            let record = read_record(record, &description, &map)?;
             Ok(Level { name, map, record })
         };
         let level = read().unwrap_or_else(|error| {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use bevy_frugal_gi::stage::NO_METER;
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use frugal_search::files;
 use frugal_trace::scene::CameraPose;
 use glam::{UVec2, Vec3};
@@ -28,31 +29,38 @@ pub(super) struct ImageArguments {
     pub knobs: Option<Vec<String>>,
 }
 
-/// [`Component`] as an argument.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum ComponentArgument {
-    /// All light.
-    Full,
-    /// The renderer's light without global illumination; in a path-traced image, light that at most
-    /// one surface scattered.
-    Direct,
-    /// Indirect light of punctual lights, with Lambertian surfaces; in a path-traced image, light
-    /// that two or more surfaces scattered.
-    Indirect,
-    /// The light that global illumination adds: indirect light, and light of emissive surfaces and
-    /// of the sky on other surfaces.
-    Global,
-}
+/// Values by their names, each with help.
+pub(super) type Choices<T> = &'static [(&'static str, T, &'static str)];
 
-impl From<ComponentArgument> for Component {
-    fn from(argument: ComponentArgument) -> Self {
-        match argument {
-            ComponentArgument::Full => Self::Full,
-            ComponentArgument::Direct => Self::Direct,
-            ComponentArgument::Indirect => Self::Indirect,
-            ComponentArgument::Global => Self::Global,
-        }
-    }
+/// Components of the light.
+pub(super) const COMPONENTS: Choices<Component> = &[
+    ("full", Component::Full, "All light"),
+    (
+        "direct",
+        Component::Direct,
+        "The renderer's light without global illumination; in a path-traced image, light that at most one surface scattered",
+    ),
+    (
+        "indirect",
+        Component::Indirect,
+        "Indirect light of punctual lights, with Lambertian surfaces; in a path-traced image, light that two or more surfaces scattered",
+    ),
+    (
+        "global",
+        Component::Global,
+        "The light that global illumination adds: indirect light, and light of emissive surfaces and of the sky on other surfaces",
+    ),
+];
+
+/// Reads one of `choices` by its name.
+pub(super) fn one_of<T: Clone + Send + Sync>(
+    choices: Choices<T>,
+) -> impl TypedValueParser<Value = T> {
+    let names = choices.iter().map(|(name, _, help)| PossibleValue::new(*name).help(*help));
+    PossibleValuesParser::new(names).map(|name| {
+        let found = choices.iter().find(|(known, ..)| *known == name);
+        found.unwrap_or(&choices[0]).1.clone()
+    })
 }
 
 /// Capture conditions: those of the images, and the meter.

@@ -45,9 +45,9 @@ const FEWEST: usize = 40;
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([Some(&arguments.output)])?;
     let scene = open_scene(&arguments.scene)?;
-    let request = stage_for(&scene, &arguments.capture)?;
+    let request = stage_for(&scene, &arguments.capture);
     let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
-    let space = stage.space().clone();
+    let space = stage.space.clone();
     let bounds = scene.camera_bounds();
     let fps = arguments.capture.image.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
@@ -68,11 +68,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         )));
     }
     stage.warm()?;
-    let layout = frame_layout(&scene, stage.size());
+    let layout = frame_layout(&scene, stage.size);
     let limit = arguments.time_limit;
     let shown = Progress::new(limit.as_secs(), "seconds of readings");
     // Measured apart: a fit would share it out among all work that every frame has.
-    let idle = stage.idle();
+    let idle = stage.idle;
     let started = Instant::now();
     let mut readings = Vec::new();
     for (camera, settings) in ReadingPlan::new(&space, cameras.len(), arguments.seed) {
@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let model = CostModel::fit(&readings, Watts(0.0));
     let device = DeviceModel {
         adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),
-        meter: stage.meter(),
+        meter: stage.meter.clone(),
         mean_absolute_error: quality.mean_absolute_error,
         prices: WorkPrices { idle, ..work_prices(&model, &space, &layout, fps) },
     };

@@ -2,28 +2,25 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use bevy_frugal_gi::error_meter::ErrorMeter;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::{FrontierMap, SceneIdentity};
 use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Policy, PowerBudget, Trial,
     parse_error_budget, settings_to_record,
 };
-use frugal_search::journal::{Existing, Journal, JournalHeader, hash};
+use frugal_search::journal::{Existing, hash};
 
 use super::CliError;
 use super::arguments::{
-    SceneArguments, WorkerArguments, check_outputs, check_report, json, write, write_report,
+    Choices, SceneArguments, WorkerArguments, check_outputs, check_report, json, one_of, write,
+    write_report,
 };
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
-use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
+use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
-use crate::evaluate::{
-    self, EvaluationError, RecordError, frames_csv, pictures, play_for_real, table,
-};
+use crate::evaluate::{self, EvaluationError, frames_csv, pictures, play_for_real, table};
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 use bevy_frugal_gi::stage::default_settings;
@@ -50,7 +47,7 @@ pub(super) struct Arguments {
     horizon: Option<f64>,
     /// Baselines to compare with, all simulated from a record of the path. Quick ones are presets,
     /// resolution, and the constant by training cameras
-    #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = baselines())]
+    #[arg(long, value_name = "WHICH", default_value = "quick", value_parser = one_of(BASELINES))]
     baselines: Baselines,
     /// Record of the path to resume and extend: power and error of settings in every frame; default:
     /// beside the map, and none of quick comparisons
@@ -60,10 +57,6 @@ pub(super) struct Arguments {
     /// comparisons, else 0
     #[arg(long, value_name = "N")]
     spot_checks: Option<usize>,
-    /// Duration of transitions between settings, up and down, in seconds; default as in an app: 1
-    /// s, and 0.5 s down under a power limit
-    #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
-    transition: Option<Duration>,
     /// Power meter; default: the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
@@ -85,37 +78,18 @@ fn horizon(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "expected seconds, 0 to 3600".to_owned())
 }
 
-/// The extents of a comparison by their names.
-fn baselines() -> impl TypedValueParser<Value = Baselines> {
-    let names = [
-        ("all", "Constants, one frontier, oracles, the reactive ladder, presets, resolution"),
-        ("quick", "Presets, resolution, and the constant by training cameras"),
-        ("none", "None: the frugal run alone"),
-    ];
-    let names = names.map(|(name, help)| PossibleValue::new(name).help(help));
-    PossibleValuesParser::new(names).map(|name| match name.as_str() {
-        "all" => Baselines::All,
-        "none" => Baselines::None,
-        _ => Baselines::Quick,
-    })
-}
-
-fn transition(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
-    // Beyond what a duration holds, infinity among it, is never.
-    let time = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-    seconds.map(time).ok_or_else(|| "expected seconds, 0 or more".to_owned())
-}
+/// The extents of a comparison.
+const BASELINES: Choices<Baselines> = &[
+    (
+        "all",
+        Baselines::All,
+        "Constants, one frontier, oracles, the reactive ladder, presets, resolution",
+    ),
+    ("quick", Baselines::Quick, "Presets, resolution, and the constant by training cameras"),
+    ("none", Baselines::None, "None: the frugal run alone"),
+];
 
 impl Arguments {
-    fn control(&self) -> ControlSettings {
-        self.transition.map_or_else(ControlSettings::default, |time| ControlSettings {
-            transition: time,
-            fall: time,
-            ..Default::default()
-        })
-    }
-
     /// Number of budgets to play for real.
     fn checks(&self) -> usize {
         self.spot_checks.unwrap_or(usize::from(self.baselines == Baselines::Quick))
@@ -184,25 +158,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let kept = arguments.record_file();
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), kept.as_ref()])?;
     check_report(arguments.report.as_ref())?;
-    let header = record_header(&scene.identity()?, &map, &path);
-    if let Some(file) = &kept {
-        Journal::check(file, &header, Existing::Resume)
-            .map_err(|error| JournalUse::Evaluate.refused(&error))?;
-    }
-
     let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;
-    let record = record(&mut stage, &map, header, &path, arguments.baselines, kept)?;
-    let (meter, label) = (stage.meter(), scene.label.clone());
+    let identity = scene.identity()?;
+    let record = record(&mut stage, &map, &identity, &path, arguments.baselines, kept)?;
+    let (meter, label) = (stage.meter.clone(), scene.label.clone());
     let trial = Trial {
         scene: &label,
         record: &record,
         map: &map,
         lens: stage.lens(),
-        size: stage.size(),
+        size: stage.size,
         meter: &meter,
-        control: arguments.control(),
+        control: ControlSettings::default(),
         baselines: arguments.baselines,
         default: default_settings(&map.knobs),
         meter_interval: |count| ErrorMeter::default().interval(count),
@@ -231,7 +200,7 @@ fn check(
     let mut policies: Vec<_> = results.iter().map(policy).collect();
     let (path, best) = (&trial.record.path, trial.map.knobs.highest());
     stage.warm()?;
-    let renderer = &mut stage.processes()[0];
+    let renderer = &mut stage.processes[0];
     let played =
         with_progress(|on_frame| play_for_real(renderer, path, best, &mut policies, on_frame))
             .map_err(CliError::failed)?;
@@ -274,7 +243,7 @@ fn outputs(
     if let (Some(folder), [result]) = (&arguments.report, results) {
         let (path, frames) = (&trial.record.path, result.frames);
         let numbers = [frames / 4, frames / 2, 3 * frames / 4];
-        let renderer = &mut stage.processes()[0];
+        let renderer = &mut stage.processes[0];
         let kept = with_progress(|on_frame| pictures(renderer, path, result, &numbers, on_frame))
             .map_err(CliError::failed)?;
         write_report(folder, &evaluation_report(result, &kept)?)?;
@@ -282,17 +251,11 @@ fn outputs(
     Ok(())
 }
 
-/// The part of the record's header that is known before anything is rendered.
-fn record_header(scene: &SceneIdentity, map: &FrontierMap, path: &PathPlan) -> JournalHeader {
-    let poses = hash(&format!("{:?}", path.poses()));
-    journal_header(scene, &map.capture).with("path", format!("{} {poses:016x}", path.name()))
-}
-
 /// The path's record: read where it is `kept`, extended with what the comparison needs.
 fn record(
     stage: &mut RemoteStage,
     map: &FrontierMap,
-    header: JournalHeader,
+    scene: &SceneIdentity,
     path: &PathPlan,
     baselines: Baselines,
     kept: Option<PathBuf>,
@@ -300,7 +263,9 @@ fn record(
     let of = JournalUse::Evaluate;
     let scratch = tempfile::tempdir().map_err(CliError::failed)?;
     let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
-    let header = rendered_by(header, &map.knobs, &stage.meter())?;
+    let poses = hash(&format!("{:?}", path.poses()));
+    let header = journal_header(scene, &map.capture, &map.knobs, &stage.meter)?
+        .with("path", format!("{} {poses:016x}", path.name()));
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
     let settings = settings_to_record(map, baselines, default_settings(&map.knobs));
@@ -308,14 +273,14 @@ fn record(
         stage.warm()?;
     }
     let recorded = with_progress(|on_frame| {
-        evaluate::extend(&mut record, stage.processes(), &settings, &mut journal, on_frame)
+        evaluate::extend(&mut record, &mut stage.processes, &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
-        RecordError::Journal(error) => of.failed(&error),
-        RecordError::Play(EvaluationError::Interrupted) if kept.is_none() => CliError::failed(
+        EvaluationError::Journal(error) => of.failed(&error),
+        EvaluationError::Interrupted if kept.is_none() => CliError::failed(
             "interrupted: nothing was written; --record FILE keeps what is rendered",
         ),
-        RecordError::Play(EvaluationError::Interrupted) => of.interrupted(),
+        EvaluationError::Interrupted => of.interrupted(),
         error => CliError::failed(error),
     })?;
     eprintln!(

@@ -72,24 +72,12 @@ pub(super) fn plan_path(scene: &StagedScene, name: &str, fps: f64) -> Result<Pat
     PathPlan::of_poses(&stem, fps, poses).map_err(CliError::usage)
 }
 
-/// Names of the requested knobs, or of those that affect the scene.
-pub(super) fn knobs(
-    scene: &StagedScene,
-    capture: &CaptureArguments,
-) -> Result<Vec<String>, CliError> {
-    Ok(match &capture.image.knobs {
-        Some(names) => names.clone(),
-        None => scene.useful_knobs()?,
-    })
-}
-
-/// Options of a stage of `scene` under the conditions of the arguments.
-pub(super) fn stage_for(
-    scene: &StagedScene,
-    capture: &CaptureArguments,
-) -> Result<StageOptions, CliError> {
-    let (knobs, meter) = (Some(knobs(scene, capture)?), capture.meter.clone());
-    Ok(StageOptions { knobs, meter, ..capture.image.options() })
+/// Options of a stage of `scene` under the conditions of the arguments, by default with the knobs that
+/// affect it.
+pub(super) fn stage_for(scene: &StagedScene, capture: &CaptureArguments) -> StageOptions {
+    let knobs = capture.image.knobs.clone().unwrap_or_else(|| scene.useful_knobs());
+    let meter = capture.meter.clone();
+    StageOptions { knobs: Some(knobs), meter, ..capture.image.options() }
 }
 
 /// The same under the conditions of the map at `map_path`; `meter`: another than the map's.

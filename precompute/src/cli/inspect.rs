@@ -8,10 +8,8 @@ use frugal_core::frontier::FrontierMap;
 use super::CliError;
 use super::arguments::{check_outputs, check_report, json, write, write_report};
 use super::input::read_map;
-use crate::inspect::{
-    CompareError, MapComparison, compare, comparison_table, presets, presets_table,
-};
-use crate::report::{Survey, map_report};
+use crate::inspect::{MapComparison, compare, comparison_table, presets, presets_table};
+use crate::report::{map_facts, map_report};
 use frugal_search::evaluate::PowerBudget;
 
 #[derive(clap::Args, Debug)]
@@ -78,7 +76,10 @@ fn summarise(arguments: &Arguments) -> Result<(), CliError> {
         .as_ref()
         .map(|path| presets_of(&map, &arguments.map).map(|both| (path, both)))
         .transpose()?;
-    print_facts(&map, &text);
+    for (name, value) in map_facts(&map) {
+        println!("{name:<10} {value}");
+    }
+    println!("file       {} bytes", text.len());
     if let Some((path, (table, file))) = presets {
         print!("\n{table}");
         write(path, file.as_bytes())?;
@@ -96,56 +97,12 @@ fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliErr
     Ok((presets_table(&presets), file))
 }
 
-fn print_facts(map: &FrontierMap, text: &str) {
-    let survey = Survey::new(&map.octree);
-    let points: usize = map.octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let [width, height] = map.capture.size;
-    println!("scene      {} ({})", map.scene.name, map.scene.fingerprint);
-    println!("capture    {width}x{height} at {} frames per second", map.capture.frames_per_second);
-    println!(
-        "meter      {:?}, {}: {}",
-        map.meter.provenance, map.meter.name, map.meter.description
-    );
-    println!("knobs      {}, {} combinations", map.knobs.len(), map.knobs.combinations());
-    println!(
-        "octree     {} nodes, {} corners, {} levels",
-        map.octree.nodes.len(),
-        map.octree.corners.len(),
-        map.octree.levels
-    );
-    println!(
-        "frontiers  {}, {points} points; {} of {} views are empty",
-        map.octree.frontiers.len(),
-        survey.empty_views,
-        survey.known_views + survey.empty_views
-    );
-    if let [first, .., last] = map.shared.points() {
-        println!(
-            "power      {:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
-            first.cost.power.0, last.cost.power.0, first.cost.error, last.cost.error
-        );
-    }
-    match map.error_rates.0.as_slice() {
-        [first, .., last] => {
-            println!("budgets    errors of {} to {} are calibrated", first.budget, last.budget);
-        }
-        _ => println!("budgets    no error budget is calibrated"),
-    }
-    println!("thresholds {:.4} W, {}", map.thresholds.power_w, map.thresholds.error);
-    println!("file       {} bytes", text.len());
-}
-
 /// Compares the map with an older one; a rise of power is an error with its own exit status, after
 /// everything is written.
 fn compare_maps(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     let ((old_map, _), (new_map, _)) = (read_map(old)?, read_map(&arguments.map)?);
     let comparison = compare(&old_map, &new_map, arguments.any_device).map_err(|error| {
-        let way = if matches!(error, CompareError::OtherDevice { .. }) {
-            "; --any-device compares all the same"
-        } else {
-            ""
-        };
-        CliError::usage(format!("{} and {}: {error}{way}", old.display(), arguments.map.display()))
+        CliError::usage(format!("{} and {}: {error}", old.display(), arguments.map.display()))
     })?;
     print!("{}", comparison_table(&comparison));
     if !crate::device::is_same(&old_map.meter, &new_map.meter) {

@@ -134,33 +134,25 @@ pub(super) fn whole_journal(name: &str) -> Option<String> {
     Some(format!("{}.journal", of_shard.map_or(stem, |(map, _)| map)))
 }
 
-/// The part of a journal's header that is known before anything is rendered.
-pub(super) fn journal_header(scene: &SceneIdentity, capture: &Capture) -> JournalHeader {
+/// What tells apart runs whose records do not mix: scene, images, knobs, and what is read. Counted work
+/// is the same on every machine; all other watts are of one device.
+pub(super) fn journal_header(
+    scene: &SceneIdentity,
+    capture: &Capture,
+    space: &KnobSpace,
+    meter: &MeterInfo,
+) -> Result<JournalHeader, CliError> {
     let [width, height] = capture.size;
-    JournalHeader::default()
+    let names: Vec<_> = space.knobs().iter().map(|knob| knob.name.as_str()).collect();
+    let levels = serde_json::to_string(space).map_err(CliError::failed)?;
+    let header = JournalHeader::default()
         .with("scene", &scene.fingerprint)
         .with("size", format!("{width}x{height}"))
         .with("frame rate", capture.frames_per_second)
         .with("field of view", capture.vertical_fov)
         .with("exposure", capture.exposure_ev100)
-}
-
-/// The names of a space's knobs.
-pub(super) fn names_of(space: &KnobSpace) -> String {
-    space.knobs().iter().map(|knob| knob.name.as_str()).collect::<Vec<_>>().join(",")
-}
-
-/// The rest of it: what renders, and what is read. Counted work is the same on every machine; all other
-/// watts are of one device.
-pub(super) fn rendered_by(
-    header: JournalHeader,
-    space: &KnobSpace,
-    meter: &MeterInfo,
-) -> Result<JournalHeader, CliError> {
-    let knobs = serde_json::to_string(space).map_err(CliError::failed)?;
-    let header = header
-        .with("list of knobs", names_of(space))
-        .with("set of levels", format!("{:016x}", hash(&knobs)))
+        .with("list of knobs", names.join(","))
+        .with("set of levels", format!("{:016x}", hash(&levels)))
         .with("meter", device::kind(&meter.name));
     let header = if is_work_meter(&meter.name).is_some() {
         header
@@ -215,8 +207,9 @@ mod tests {
             provenance: Provenance::Measured,
             description: description.to_owned(),
         };
-        let space = crate::stage::knobs().expect("the built-in knobs");
-        rendered_by(JournalHeader::default(), &space, &meter).expect("a header")
+        let space = crate::stage::knobs();
+        let map = frugal_core::testing::map(0);
+        journal_header(&map.scene, &map.capture, &space, &meter).expect("a header")
     }
 
     #[test]

@@ -28,7 +28,7 @@ use frugal_search::files::FileError;
 
 use crate::report::ReportError;
 use crate::scene::SceneError;
-use crate::stage::{RemoteError, StageError};
+use crate::stage::RemoteError;
 
 /// Finds Pareto-optimal rendering settings in power and error for every camera of a scene.
 #[derive(Parser, Debug)]
@@ -156,12 +156,6 @@ impl CliError {
 impl From<SceneError> for CliError {
     fn from(error: SceneError) -> Self {
         Self::usage(error)
-    }
-}
-
-impl From<StageError> for CliError {
-    fn from(error: StageError) -> Self {
-        if error.is_usage() { Self::usage(error) } else { Self::failed(error) }
     }
 }
 

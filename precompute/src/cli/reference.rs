@@ -9,11 +9,12 @@ use glam::UVec2;
 
 use super::CliError;
 use super::arguments::{
-    CameraArguments, ComponentArgument as Component, PictureArguments, size, write,
+    COMPONENTS, CameraArguments, Choices, PictureArguments, one_of, size, write,
 };
 use super::input::open_scene;
 use super::progress::{Progress, interrupted};
 use crate::scene::ReferenceError;
+use crate::stage::Component;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -23,7 +24,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     size: UVec2,
     /// Component of the light
-    #[arg(long, value_enum, default_value_t = Component::Full)]
+    #[arg(long, value_name = "COMPONENT", default_value = "full", value_parser = one_of(COMPONENTS))]
     component: Component,
     /// Indirect bounces: a number, or `all`, the default; direct light has none
     #[arg(long, value_name = "N|all", value_parser = bounces, allow_hyphen_values = true)]
@@ -40,26 +41,17 @@ pub(super) struct Arguments {
     lambertian: bool,
     /// Where paths go on: anywhere their surface scatters, or also where photons came from, which finds
     /// light through doors and from lit spots sooner and is slower under an open sky
-    #[arg(long, value_enum, default_value_t = GuideArgument::None)]
-    guide: GuideArgument,
+    #[arg(long, value_name = "GUIDE", default_value = "none", value_parser = one_of(GUIDES))]
+    guide: Guide,
     #[command(flatten)]
     picture: PictureArguments,
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum GuideArgument {
-    None,
-    Photons,
-}
-
-impl From<GuideArgument> for Guide {
-    fn from(argument: GuideArgument) -> Self {
-        match argument {
-            GuideArgument::None => Self::None,
-            GuideArgument::Photons => Self::Photons,
-        }
-    }
-}
+/// What tells paths where light comes from.
+const GUIDES: Choices<Guide> = &[
+    ("none", Guide::None, "Nothing"),
+    ("photons", Guide::Photons, "Photons, traced before the image"),
+];
 
 /// Greatest number of bounces; `None` for no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         bounces: if is_direct { Some(0) } else { arguments.bounces.and_then(|bounces| bounces.0) },
         seed: arguments.seed,
         shading: if arguments.lambertian { Shading::Lambertian } else { Shading::Standard },
-        guide: arguments.guide.into(),
+        guide: arguments.guide,
         ..Default::default()
     };
 

@@ -2,10 +2,10 @@
 
 use super::CliError;
 use super::arguments::{
-    CameraArguments, ComponentArgument, ImageArguments, PictureArguments, write,
+    COMPONENTS, CameraArguments, ImageArguments, PictureArguments, one_of, write,
 };
 use super::input::open_scene;
-use crate::stage::{Output, Shot, StageOptions};
+use crate::stage::{Component, Output, Shot, StageOptions};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -18,8 +18,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
     /// Component of the light
-    #[arg(long, value_enum, default_value_t = ComponentArgument::Full)]
-    component: ComponentArgument,
+    #[arg(long, value_name = "COMPONENT", default_value = "full", value_parser = one_of(COMPONENTS))]
+    component: Component,
     #[command(flatten)]
     picture: PictureArguments,
 }
@@ -29,7 +29,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let png = arguments.picture.png(&scene.name)?;
     let pose = arguments.camera.pose()?;
     let shoot = |output: Output| -> Result<Shot, CliError> {
-        let component = arguments.component.into();
+        let component = arguments.component;
         let options = StageOptions { output, component, ..arguments.image.options() };
         Ok(scene.process(options).shoot(&pose, &arguments.settings)?)
     };

@@ -26,13 +26,13 @@ pub(crate) struct RealPlay {
 ///
 /// # Errors
 /// When the frame renderer fails or `on_frame` breaks.
-pub(crate) fn play_for_real<P: FrameRenderer>(
-    renderer: &mut P,
+pub(crate) fn play_for_real(
+    renderer: &mut impl FrameRenderer,
     path: &PathPlan,
     best: KnobLevels,
     policies: &mut [Box<dyn Policy + '_>],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<RealPlay, EvaluationError<P::Error>> {
+) -> Result<RealPlay, EvaluationError> {
     let frames_total = (2 + policies.len()) * path.poses().len();
     let mut frames_done = 0;
     let mut run = |name: &str, policy: &mut dyn Policy, against: Against<'_>| {
@@ -66,13 +66,13 @@ pub(crate) struct FramePicture {
 ///
 /// # Errors
 /// When the frame renderer fails or `on_frame` breaks.
-pub(crate) fn pictures<P: FrameRenderer>(
-    renderer: &mut P,
+pub(crate) fn pictures(
+    renderer: &mut impl FrameRenderer,
     path: &PathPlan,
     result: &EvaluationResult,
     frames: &[usize],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<Vec<FramePicture>, EvaluationError<P::Error>> {
+) -> Result<Vec<FramePicture>, EvaluationError> {
     let mut kept = Vec::new();
     let frames_total = result.runs.len() * frames.len();
     for run in &result.runs {
@@ -81,12 +81,9 @@ pub(crate) fn pictures<P: FrameRenderer>(
             for shown in frame.saturating_sub(HISTORY)..=frame {
                 let (pose, settings) = (&path.poses()[shown], run.series[shown].settings);
                 if picture.is_none() {
-                    renderer
-                        .begin_run(&run.name, pose, settings)
-                        .map_err(EvaluationError::FrameRenderer)?;
+                    renderer.begin_run(&run.name, pose, settings)?;
                 }
-                let rendered = renderer.render_frame(pose, settings);
-                picture = Some(rendered.map_err(EvaluationError::FrameRenderer)?.picture);
+                picture = Some(renderer.render_frame(pose, settings)?.picture);
             }
             kept.extend(picture.map(|picture| FramePicture {
                 run: run.name.clone(),
@@ -153,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_power_and_interruption_end_a_real_play() {
+    fn a_failure_and_an_interruption_end_a_real_play() {
         let play = |renderer: &mut Fake, most: usize| {
             let mut policies: Vec<Box<dyn Policy>> = vec![Box::new(Fixed(space().lowest()))];
             let on_frame = &mut |progress: &Progress<'_>| {
@@ -168,7 +165,7 @@ mod tests {
                 .unwrap()
         };
         let broken = play(&mut Fake { broken_at: Some(13), ..Fake::default() }, 99);
-        assert_eq!(broken.to_string(), "run `frugal`, frame 3: the meter gave NaN W");
+        assert_eq!(broken.to_string(), "broken");
         assert!(matches!(play(&mut Fake::default(), 25), EvaluationError::Interrupted));
     }
 }

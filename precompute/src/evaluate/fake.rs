@@ -6,7 +6,7 @@ use frugal_search::evaluate::Pose;
 use frugal_search::testing::formula::{grey, power};
 use frugal_trace::metrics::Picture;
 
-use crate::stage::{FrameRenderer, RenderedFrame};
+use crate::stage::{FrameRenderer, RemoteError, RenderedFrame};
 
 /// Power by formula. Images are uniformly grey.
 #[derive(Default)]
@@ -15,16 +15,14 @@ pub(crate) struct Fake {
     pub(crate) runs: Vec<String>,
     /// Additional watts of each run over the one before.
     pub(crate) drift: f64,
-    /// The frame, counted over all runs, whose power is NaN.
+    /// The frame, counted over all runs, that fails.
     pub(crate) broken_at: Option<usize>,
     /// Frames rendered over all runs.
     pub(crate) frames: usize,
 }
 
 impl FrameRenderer for Fake {
-    type Error = std::fmt::Error;
-
-    fn begin_run(&mut self, name: &str, _: &Pose, _: KnobLevels) -> Result<(), Self::Error> {
+    fn begin_run(&mut self, name: &str, _: &Pose, _: KnobLevels) -> Result<(), RemoteError> {
         self.runs.push(name.to_owned());
         Ok(())
     }
@@ -33,13 +31,13 @@ impl FrameRenderer for Fake {
         &mut self,
         pose: &Pose,
         settings: KnobLevels,
-    ) -> Result<RenderedFrame, Self::Error> {
-        let mut watts = power(settings)
+    ) -> Result<RenderedFrame, RemoteError> {
+        if self.broken_at == Some(self.frames) {
+            return Err(RemoteError::failed("broken"));
+        }
+        let watts = power(settings)
             + 0.01 * f64::from(pose.position.x)
             + self.drift * (self.runs.len() - 1) as f64;
-        if self.broken_at == Some(self.frames) {
-            watts = f64::NAN;
-        }
         self.frames += 1;
         Ok(RenderedFrame {
             picture: Picture::from_fn(16, 12, |_, _| [grey(settings); 3]),

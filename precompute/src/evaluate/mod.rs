@@ -9,18 +9,15 @@
 //! | `play` | one run along a path: frame renderer, policy, per-frame records |
 //! | `render_path` | makes a record of a path, with several renderers side by side |
 //! | `check` | real plays beside the record: errors of simulation, drift, images |
-//! | `for_benches` | a record read back, for benchmarks |
 //! | `table` | results as text, and per-frame CSV |
 mod check;
 #[cfg(test)]
 pub(crate) mod fake;
-mod for_benches;
 mod play;
 mod render_path;
 mod table;
 
 pub(crate) use check::{FramePicture, pictures, play_for_real};
-pub use for_benches::read_record;
 pub(crate) use play::{EvaluationError, Progress, plan_along};
-pub(crate) use render_path::{RecordError, extend};
-pub(crate) use table::{TABLE_HEADERS, frames_csv, table, table_row};
+pub(crate) use render_path::extend;
+pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};

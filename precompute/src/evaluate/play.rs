@@ -4,38 +4,21 @@ use std::ops::ControlFlow;
 
 use frugal_core::frontier::CostPoint;
 use frugal_search::evaluate::{FrameRecord, PathPlan, Policy, Pose};
-use frugal_trace::metrics::{Reference, SsimError};
+use frugal_search::journal::JournalError;
+use frugal_trace::metrics::Reference;
 
 use crate::scene::CameraPath;
-use crate::stage::FrameRenderer;
+use crate::stage::{FrameRenderer, RemoteError, RenderedFrame};
 
-/// Why an evaluation failed. `E` is the [`FrameRenderer`]'s error.
+/// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum EvaluationError<E> {
-    /// Rendering or metering failed.
-    #[error("{0}")]
-    FrameRenderer(E),
-    /// A frame's image cannot be compared with its reference.
-    #[error("run `{run}`, frame {frame}: {source}")]
-    Compare {
-        /// The run.
-        run: String,
-        /// The frame's number.
-        frame: usize,
-        /// Why.
-        source: SsimError,
-    },
-    /// A power that is negative or not finite.
-    #[error("run `{run}`, frame {frame}: the meter gave {watts} W")]
-    BadPower {
-        /// The run.
-        run: String,
-        /// The frame's number.
-        frame: usize,
-        /// The reading.
-        watts: f64,
-    },
+pub(crate) enum EvaluationError {
+    /// Rendering or metering failed, or an image cannot be compared.
+    #[error(transparent)]
+    Renderer(#[from] RemoteError),
+    /// The record could not be written.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// Stopped from outside.
     #[error("interrupted")]
     Interrupted,
@@ -72,45 +55,35 @@ pub(crate) enum Against<'a> {
 }
 
 /// Plays all of `path`. `on_frame` is called after every frame and can stop the run.
-pub(crate) fn play<P: FrameRenderer>(
-    renderer: &mut P,
+pub(crate) fn play(
+    renderer: &mut impl FrameRenderer,
     path: &PathPlan,
     name: &str,
     policy: &mut dyn Policy,
     mut against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
+) -> Result<Vec<FrameRecord>, EvaluationError> {
     let dt = path.fps().recip();
     let mut records = Vec::with_capacity(path.poses().len());
     for (frame, pose) in path.poses().iter().enumerate() {
         let choice = policy.decide(frame, dt, pose);
         if frame == 0 {
-            renderer
-                .begin_run(name, pose, choice.settings)
-                .map_err(EvaluationError::FrameRenderer)?;
+            renderer.begin_run(name, pose, choice.settings)?;
         }
-        let rendered =
-            renderer.render_frame(pose, choice.settings).map_err(EvaluationError::FrameRenderer)?;
-        let watts = rendered.power.0;
-        if !(watts.is_finite() && watts >= 0.0) {
-            return Err(EvaluationError::BadPower { run: name.to_owned(), frame, watts });
-        }
-        let at_frame = |source| EvaluationError::Compare { run: name.to_owned(), frame, source };
+        let RenderedFrame { picture, power } = renderer.render_frame(pose, choice.settings)?;
+        let at_frame = |error| RemoteError::failed(format!("run `{name}`, frame {frame}: {error}"));
         let error = match &mut against {
             Against::Collect(references) => {
-                references.push(Reference::new(&rendered.picture).map_err(at_frame)?);
+                references.push(Reference::new(&picture).map_err(at_frame)?);
                 0.0
             }
-            Against::Compare(references) => {
-                references[frame].error(&rendered.picture).map_err(at_frame)?
-            }
+            Against::Compare(references) => references[frame].error(&picture).map_err(at_frame)?,
         };
-        let time = frame as f64 * dt;
-        policy.observe(CostPoint::new(rendered.power.0, error));
+        policy.observe(CostPoint::new(power.0, error));
         records.push(FrameRecord {
-            time,
+            time: frame as f64 * dt,
             settings: choice.settings,
-            power: rendered.power,
+            power,
             error,
             predicted: choice.predicted,
         });

@@ -1,8 +1,6 @@
 //! Recording: the whole path with every setting, by one renderer or several side by side.
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
 
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
@@ -11,18 +9,7 @@ use frugal_search::journal::{Journal, JournalError};
 use frugal_trace::metrics::Reference;
 
 use super::play::{Against, EvaluationError, Progress, play};
-use crate::stage::FrameRenderer;
-
-/// Why a path was not recorded. `E` is the frame renderer's error.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum RecordError<E> {
-    /// Rendering failed, or was interrupted. Earlier records are kept.
-    #[error(transparent)]
-    Play(#[from] EvaluationError<E>),
-    /// The record could not be written.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-}
+use crate::stage::{FrameRenderer, side_by_side};
 
 /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
 /// frame's cost. Several renderers play different settings side by side.
@@ -38,10 +25,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     settings: &[KnobLevels],
     journal: &mut Journal,
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<(), RecordError<P::Error>>
-where
-    P::Error: Send,
-{
+) -> Result<(), EvaluationError> {
     let PathRecord { path, space, table } = record;
     let mut missing = space.canonical_once(settings.iter().copied());
     missing.retain(|settings| table.column(*settings).is_none());
@@ -74,59 +58,43 @@ where
         })?;
     keep(best, series)?;
 
-    let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
-    // Without a buffer, so that no more than a frame is rendered after the end.
-    let (sender, results) = mpsc::sync_channel(0);
-    std::thread::scope(|scope| {
-        for renderer in renderers {
-            let (sender, next, ends) = (sender.clone(), &next, &ends);
-            let (path, space, missing, references) = (&*path, &*space, &missing, &references);
-            scope.spawn(move || {
-                while let Some(settings) =
-                    missing.get(next.fetch_add(1, Ordering::Relaxed)).copied()
-                {
-                    let against = Against::Compare(references);
-                    let series = constant(renderer, (path, space), settings, against, &mut || {
-                        let is_heard = sender.send((settings, None)).is_ok();
-                        if is_heard && !ends.load(Ordering::Relaxed) {
-                            ControlFlow::Continue(())
-                        } else {
-                            ControlFlow::Break(())
-                        }
-                    });
-                    let has_ended = series.is_err();
-                    if sender.send((settings, Some(series))).is_err() || has_ended {
-                        return;
-                    }
-                }
-            });
-        }
-        drop(sender);
-        let mut result = Ok(());
-        for (settings, played) in results {
+    let (path, space) = (&*path, &*space);
+    let mut result = Ok(());
+    side_by_side(
+        renderers,
+        &missing,
+        |renderer, settings, tell| {
+            let against = Against::Compare(&references);
+            let on_frame = &mut || tell((*settings, None));
+            let series = constant(renderer, (path, space), *settings, against, on_frame);
+            let has_ended = series.is_err();
+            let told = tell((*settings, Some(series)));
+            if has_ended { ControlFlow::Break(()) } else { told }
+        },
+        |(settings, played)| {
             let now = match played {
-                None if told(settings).is_break() => Err(EvaluationError::Interrupted.into()),
+                None if told(settings).is_break() => Err(EvaluationError::Interrupted),
                 None => Ok(()),
-                Some(Ok(series)) => keep(settings, series).map_err(RecordError::from),
-                Some(Err(error)) => Err(error.into()),
+                Some(series) => series.and_then(|series| Ok(keep(settings, series)?)),
             };
-            if now.is_err() {
-                ends.store(true, Ordering::Relaxed);
+            let flow = if now.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+            if result.is_ok() {
+                result = now;
             }
-            result = result.and(now);
-        }
-        result
-    })
+            flow
+        },
+    );
+    result
 }
 
 /// Plays a path with the same settings throughout.
-fn constant<P: FrameRenderer>(
-    renderer: &mut P,
+fn constant(
+    renderer: &mut impl FrameRenderer,
     (path, space): (&PathPlan, &KnobSpace),
     settings: KnobLevels,
     against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
+) -> Result<Vec<FrameRecord>, EvaluationError> {
     let run = space.describe(settings);
     play(renderer, path, &run, &mut Fixed(settings), against, on_frame)
 }
@@ -164,7 +132,7 @@ mod tests {
                 frames += 1;
                 if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             });
-        assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
+        assert!(matches!(stopped, Err(EvaluationError::Interrupted)));
         drop(journal);
         let (mut journal, lines) =
             Journal::open(&file, &JournalHeader::default(), Existing::Resume).expect("resumes");
@@ -191,7 +159,7 @@ mod tests {
             extend(&mut record, &mut [Fake::default(), broken], &all, &mut journal, &mut |_| {
                 ControlFlow::Continue(())
             });
-        assert!(matches!(failed, Err(RecordError::Play(EvaluationError::BadPower { .. }))));
+        assert!(matches!(failed, Err(EvaluationError::Renderer(_))));
         let kept = record.table.settings().len();
         assert!((2..all.len()).contains(&kept), "{kept} of {}", all.len());
         assert!((0..kept).all(|column| record.table.is_complete(column)));

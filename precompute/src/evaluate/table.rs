@@ -25,6 +25,19 @@ pub(crate) fn table_row(run: &RunResult) -> [String; 8] {
     ]
 }
 
+/// What was played, metered and asked for.
+pub(crate) fn headline(result: &EvaluationResult) -> String {
+    let EvaluationResult { scene, path, frames, fps, size: [width, height], meter, .. } = result;
+    let limit = result.budget.power_w.map(|limit| format!(" (power {:.3} W)", limit.0));
+    format!(
+        "{scene}, path {path}: {frames} frames at {fps} fps, {width}×{height}. Power is {} by {}. Budget: {}{}.",
+        meter.provenance,
+        meter.name,
+        result.asked,
+        limit.unwrap_or_default()
+    )
+}
+
 /// `result` as plain text; every line ends with a line break.
 pub(crate) fn table(result: &EvaluationResult) -> String {
     let rows: Vec<[String; 8]> = result.runs.iter().map(table_row).collect();
@@ -49,66 +62,59 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
         format!("{}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
     };
 
-    let how = &result.meter.provenance;
-    let [pixels_wide, pixels_high] = result.size;
-    let mut text = format!(
-        "{}, path {}: {} frames at {} fps, {pixels_wide}×{pixels_high}. Power is {how} by {}. Budget: {}",
-        result.scene, result.path, result.frames, result.fps, result.meter.name, result.asked
-    );
-    if let Some(limit) = result.budget.power_w {
-        let _ = write!(text, " (power {:.3} W)", limit.0);
-    }
-    text.push_str(".\n\n");
+    let mut text = headline(result) + "\n\n";
     text.push_str(&line(&|column| TABLE_HEADERS[column].to_owned()));
     text.push_str(&line(&|column| "-".repeat(widths[column])));
     for row in &rows {
         text.push_str(&line(&|column| row[column].clone()));
     }
     text.push('\n');
-    if let Some(check) = &result.spot_check {
-        let _ = writeln!(
-            text,
-            "The frugal run rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}.",
-            check.mean_power_w.0,
-            check.mean_error,
-            check.recorded_mean_power_w.0,
-            check.recorded_mean_error
-        );
-        let _ = writeln!(
-            text,
-            "The maximum played again after it: {:+.1}% power, mean error {:.4} against itself.",
-            100.0 * result.drift.relative,
-            result.drift.repeat_mean_error
-        );
-    }
-    if let Some(gap) = result.gap_closed {
-        let _ = writeln!(
-            text,
-            "The frugal run closes {:.0} % of the gap from the best constant to the oracle.",
-            100.0 * gap
-        );
-    }
-    if !result.dominated_by.is_empty() {
-        let _ =
-            writeln!(text, "The frugal run is dominated by {}.", result.dominated_by.join(", "));
-    }
-    if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
-        let percent = 100.0 * share;
-        let seconds = result.budget.horizon_s;
-        let _ = writeln!(
-            text,
-            "The frugal run is over the power budget by 2 % in {percent:.1} % of all {seconds:.0} s."
-        );
-    }
-    for run in &result.runs {
-        if let Some(note) = &run.note {
-            let _ = writeln!(text, "{}: {note}.", run.name);
-        }
+    for note in notes(result) {
+        let _ = writeln!(text, "{note}");
     }
     for warning in &result.warnings {
         let _ = writeln!(text, "warning: {warning}");
     }
     text
+}
+
+/// What the table does not say of a result, as sentences.
+pub(crate) fn notes(result: &EvaluationResult) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some(check) = &result.spot_check {
+        notes.push(format!(
+            "The frugal run rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}.",
+            check.mean_power_w.0,
+            check.mean_error,
+            check.recorded_mean_power_w.0,
+            check.recorded_mean_error
+        ));
+        notes.push(format!(
+            "The maximum played again after it: {:+.1}% power, mean error {:.4} against itself.",
+            100.0 * result.drift.relative,
+            result.drift.repeat_mean_error
+        ));
+    }
+    if let Some(gap) = result.gap_closed {
+        notes.push(format!(
+            "The frugal run closes {:.0} % of the gap from the best constant to the oracle.",
+            100.0 * gap
+        ));
+    }
+    if !result.dominated_by.is_empty() {
+        let by = result.dominated_by.join(", ");
+        notes.push(format!("The frugal run is dominated by {by}."));
+    }
+    if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
+        notes.push(format!(
+            "The frugal run is over the power budget by 2 % in {:.1} % of all {:.0} s.",
+            100.0 * share,
+            result.budget.horizon_s
+        ));
+    }
+    let of_run = |run: &RunResult| Some(format!("{}: {}.", run.name, run.note.as_ref()?));
+    notes.extend(result.runs.iter().filter_map(of_run));
+    notes
 }
 
 /// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error,

@@ -1,108 +1,66 @@
 //! Comparability of the watts and errors of two maps.
 
-use bevy_frugal_gi::power::MeterInfo;
 use frugal_core::frontier::{Capture, FrontierMap};
 use frugal_core::knobs::KnobSpace;
 
 use crate::device;
 
-/// Why two maps cannot be compared.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub(crate) enum CompareError {
-    /// The watts are of two devices: the only reason that can be set aside.
-    #[error(
-        "the maps' watts are of two devices or models, `{old}` and `{new}`: run `frugal precompute` for both on one, or `frugal reprice` both with one file of --prices"
-    )]
-    OtherDevice {
-        /// The old map's meter and device.
-        old: String,
-        /// The new map's meter and device.
-        new: String,
-    },
-    /// Any other, with its remedy.
-    #[error("{0}")]
-    Other(String),
-}
-
-/// [`CompareError::Other`] with a text.
-pub(super) fn refuse<T>(reason: String) -> Result<T, CompareError> {
-    Err(CompareError::Other(reason))
-}
-
-/// Fails for two maps whose watts or errors are not comparable. `any_device`: watts of two devices or
-/// models of power are compared all the same.
-pub(super) fn check(
-    old: &FrontierMap,
-    new: &FrontierMap,
-    any_device: bool,
-) -> Result<(), CompareError> {
+/// Fails, in a sentence with a remedy, for two maps whose watts or errors are not comparable.
+/// `any_device`: watts of two devices or models of power are compared all the same.
+pub(super) fn check(old: &FrontierMap, new: &FrontierMap, any_device: bool) -> Result<(), String> {
     for (which, map) in [("old", old), ("new", new)] {
-        if let Err(error) = map.validate() {
-            return refuse(format!("the {which} map: {error}"));
-        }
+        map.validate().map_err(|error| format!("the {which} map: {error}"))?;
     }
     if old.scene.fingerprint != new.scene.fingerprint {
         let scene = |map: &FrontierMap| format!("`{}` ({})", map.scene.name, map.scene.fingerprint);
-        return refuse(format!(
+        return Err(format!(
             "the maps are of different scenes, {} and {}: run `frugal precompute` on one scene with both builds",
             scene(old),
             scene(new)
         ));
     }
-    check_capture(old, new)?;
-    if !same_meter(&old.meter, &new.meter) {
-        let name =
-            |meter: &MeterInfo| format!("{}, {:?}", meter.name, meter.provenance).to_lowercase();
-        return refuse(format!(
-            "the maps' watts are of different meters, `{}` and `{}`: run `frugal precompute` with the same --meter for both",
-            name(&old.meter),
-            name(&new.meter)
-        ));
+    let differs = conditions(old).into_iter().zip(conditions(new)).find(|(old, new)| old != new);
+    if let Some(((what, old, remedy), (_, new, _))) = differs {
+        return Err(format!("the maps differ in {what}, `{old}` and `{new}`: {remedy}"));
     }
     if !any_device && !device::is_same(&old.meter, &new.meter) {
-        let device = |meter: &MeterInfo| format!("{}: {}", meter.name, meter.description);
-        return Err(CompareError::OtherDevice { old: device(&old.meter), new: device(&new.meter) });
+        let [old, new] =
+            [&old.meter, &new.meter].map(|it| format!("{}: {}", it.name, it.description));
+        return Err(format!(
+            "the maps' watts are of two devices or models, `{old}` and `{new}`: run `frugal precompute` for both on one, or `frugal reprice` both with one file of --prices; --any-device compares all the same"
+        ));
     }
-    match difference(&old.knobs, &new.knobs) {
-        None => Ok(()),
-        Some(difference) => refuse(format!(
+    difference(&old.knobs, &new.knobs).map_or(Ok(()), |difference| {
+        Err(format!(
             "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
-        )),
-    }
+        ))
+    })
 }
 
-fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
+/// The conditions that must be equal, each with the remedy where it is not.
+fn conditions(map: &FrontierMap) -> [(&'static str, String, &'static str); 5] {
+    let Capture { size: [width, height], frames_per_second, vertical_fov, exposure_ev100 } =
+        map.capture;
     let again = "run `frugal precompute` again for the older one";
-    let conditions = |map: &FrontierMap| {
-        let Capture { size: [width, height], frames_per_second, vertical_fov, exposure_ev100 } =
-            map.capture;
-        [
-            (
-                "size",
-                format!("{width}x{height}"),
-                "run `frugal precompute` with the same --size for both",
-            ),
-            (
-                "frame rate",
-                format!("{frames_per_second} Hz"),
-                "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them",
-            ),
-            ("field of view", format!("{vertical_fov} degrees"), again),
-            ("exposure", format!("EV {exposure_ev100}"), again),
-        ]
-    };
-    let mut pairs = conditions(old).into_iter().zip(conditions(new));
-    match pairs.find(|(old, new)| old != new) {
-        None => Ok(()),
-        Some(((what, old, remedy), (_, new, _))) => {
-            refuse(format!("the maps differ in {what}, {old} and {new}: {remedy}"))
-        }
-    }
-}
-
-/// Whether two meters are of one kind.
-fn same_meter(old: &MeterInfo, new: &MeterInfo) -> bool {
-    old.provenance == new.provenance && device::kind(&old.name) == device::kind(&new.name)
+    [
+        (
+            "size",
+            format!("{width}x{height}"),
+            "run `frugal precompute` with the same --size for both",
+        ),
+        (
+            "frame rate",
+            format!("{frames_per_second} Hz"),
+            "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them",
+        ),
+        ("field of view", format!("{vertical_fov} degrees"), again),
+        ("exposure", format!("EV {exposure_ev100}"), again),
+        (
+            "meter",
+            format!("{}, {}", device::kind(&map.meter.name), map.meter.provenance),
+            "run `frugal precompute` with the same --meter for both",
+        ),
+    ]
 }
 
 /// The difference of two spaces in words; `None` where they are equal.
@@ -222,7 +180,7 @@ mod tests {
         new.seed = 99;
         assert_eq!(check(&old, &new, false), Ok(()));
         new.meter.description = "another price".into();
-        assert!(matches!(check(&old, &new, false), Err(CompareError::OtherDevice { .. })));
+        assert!(check(&old, &new, false).expect_err("two prices").contains("--any-device"));
         assert_eq!(check(&old, &new, true), Ok(()));
     }
 
@@ -238,7 +196,7 @@ mod tests {
         let new = of("whole card 0000:04:00.0 (card0, PPT), power1_average of its driver");
         let other = of("whole card 0000:0b:00.0 (card1, PPT), power1_average of its driver");
         assert_eq!(check(&old, &new, false), Ok(()));
-        assert!(matches!(check(&old, &other, false), Err(CompareError::OtherDevice { .. })));
+        assert!(check(&old, &other, false).expect_err("two cards").contains("--any-device"));
     }
 
     #[test]

@@ -10,8 +10,7 @@ use std::collections::BTreeMap;
 use frugal_core::frontier::{Frontier, FrontierMap, Octree, ViewDirection};
 use serde::Serialize;
 
-use super::CompareError;
-use super::comparable::{check, refuse};
+use super::comparable::check;
 
 /// Errors at which maps are compared: the range of error budgets.
 pub(super) const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
@@ -87,7 +86,7 @@ pub(crate) fn compare(
     old: &FrontierMap,
     new: &FrontierMap,
     any_device: bool,
-) -> Result<MapComparison, CompareError> {
+) -> Result<MapComparison, String> {
     check(old, new, any_device)?;
     let idle_w = [old, new].map(|map| map.work_prices.idle.0);
     let (shared, addresses) = ([(&old.shared, &new.shared)], common_addresses(old, new));
@@ -102,7 +101,7 @@ pub(crate) fn compare(
     let worse = [shared_change, addresses_change].into_iter().flatten().reduce(f64::max);
     let Some(change) = worse else {
         let [least, .., most] = ERRORS;
-        return refuse(format!(
+        return Err(format!(
             "the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time"
         ));
     };

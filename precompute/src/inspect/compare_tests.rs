@@ -16,7 +16,7 @@ fn of(points: &[(f64, f64)]) -> Frontier {
     Frontier::from_points(points.iter().enumerate().map(point))
 }
 
-fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
+fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, String> {
     compare_with(old, new, false)
 }
 

@@ -15,7 +15,6 @@ pub(crate) mod testing;
 
 use std::fmt::Write as _;
 
-pub(crate) use comparable::CompareError;
 use compare::Change;
 pub(crate) use compare::{MapComparison, compare};
 pub(crate) use presets::{Presets, presets};

@@ -4,9 +4,9 @@ use frugal_trace::metrics::Picture;
 
 use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
-use crate::evaluate::{FramePicture, TABLE_HEADERS, table_row};
+use crate::evaluate::{FramePicture, TABLE_HEADERS, headline, notes, table_row};
 
-use super::{Axis, Color, Curve, Fact, Mark, Plot, Report, ReportError, Section, provenance};
+use super::{Axis, Color, Curve, Mark, Plot, Report, ReportError, Section, provenance};
 
 /// A page on `result`, with `pictures` of frames.
 ///
@@ -43,6 +43,7 @@ fn evaluation_section(
 ) -> Result<Section, ReportError> {
     let mut section =
         Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
+    section.paragraph(&headline(result));
     section.paragraph(&format!(
         "{} Watts are power at the target frame rate. Error is 1 − SSIM of a frame against the same frame at the highest settings: 0 is equal.",
         provenance(&result.meter)
@@ -50,17 +51,14 @@ fn evaluation_section(
     result.warnings.iter().for_each(|warning| {
         section.warning(warning);
     });
-    section.facts(&facts(result));
     let is_drawn = |name: &&str| result.runs.iter().any(|run| run.name == **name);
     let drawn = OVER_TIME.iter().copied().filter(is_drawn);
     section.legend(drawn.map(|name| (name, color(name))).chain(limit_entry(result)));
     section.plots(&plots(result)?);
     let (headers, rows) = table(result);
     section.table("Every run played the same frames.", &headers, &rows);
-    for run in &result.runs {
-        if let Some(note) = &run.note {
-            section.paragraph(&format!("{}: {note}.", run.name));
-        }
+    for note in notes(result) {
+        section.paragraph(&note);
     }
     if !pictures.is_empty() {
         section.heading("The same frames under each");
@@ -72,37 +70,6 @@ fn evaluation_section(
 fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
     (result.budget.power_w.is_some() || result.budget.error.is_some())
         .then_some(("budget (dashed)", Color::RED))
-}
-
-fn facts(result: &EvaluationResult) -> Vec<Fact> {
-    let [width, height] = result.size;
-    let mut facts = vec![
-        ("Image size", format!("{width} × {height} pixels")),
-        ("Frames", format!("{} at {} per second", result.frames, result.fps)),
-        ("Requested budget", result.asked.clone()),
-    ];
-    if let Some(power) = result.budget.power_w {
-        facts.push(("Power budget", format!("{:.3} W", power.0)));
-    }
-    if let Some(error) = result.budget.error {
-        facts.push(("Error budget", error.to_string()));
-    }
-    if let Some(check) = &result.spot_check {
-        facts.push((
-            "The frugal run rendered",
-            format!("{:.3} W, error {:.4}", check.mean_power_w.0, check.mean_error),
-        ));
-        let drift = &result.drift;
-        facts.push((
-            "Maximum played again after it",
-            format!(
-                "{:+.1}% power, mean error {:.5} against itself",
-                100.0 * drift.relative,
-                drift.repeat_mean_error
-            ),
-        ));
-    }
-    facts
 }
 
 /// Runs drawn over time, where they exist: more curves could not be told apart.
@@ -195,8 +162,8 @@ mod tests {
             "was not measured. It was computed by the model formula",
             "&lt;court&gt;",
             "resolution-only",
-            "10 at 5 per second",
-            "16 × 12 pixels",
+            "10 frames at 5 fps",
+            "16×12",
         ] {
             assert!(html.contains(text), "{text}");
         }

@@ -1,20 +1,16 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use frugal_core::frontier::{Frontier, FrontierMap};
+use frugal_core::frontier::{Corner, Frontier, FrontierMap};
 use glam::Vec3;
 
-use super::plan::Plan;
 use super::{
-    Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, Survey, knob_table, provenance,
-    staircase,
+    Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, knob_table, provenance, staircase,
 };
 
 /// Number of frontiers shown in full: the largest, the middle one, and the smallest.
 const SHOWN: usize = 3;
 /// Greatest number of rows shown of a frontier.
 const ROWS: usize = 30;
-/// Colour of corners in the plan at which every view has a frontier.
-const CORNER: Color = Color::BLUE;
 
 /// A page on a map; `facts`: conditions of the map.
 ///
@@ -31,20 +27,14 @@ pub(crate) fn map_report(map: &FrontierMap, facts: &[Fact]) -> Result<String, Re
 /// # Errors
 /// When plotting fails.
 pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
-    let (octree, survey) = (&map.octree, Survey::new(&map.octree));
+    let octree = &map.octree;
     let mut section = Section::new(&format!("{}: the frontier map", map.scene.name));
     section.paragraph(&format!(
         "At every corner of the octree's leaves and for each of six views the map holds a Pareto frontier: the settings that are non-dominated in \
          power and error. {}",
         provenance(&map.meter)
     ));
-    if survey.broken > 0 {
-        section.warning(&format!(
-            "{} indices of the octree point nowhere: the file is damaged",
-            survey.broken
-        ));
-    }
-    section.facts(&facts(map, &survey));
+    section.facts(&map_facts(map));
     let mut shown: Vec<(usize, &Frontier)> =
         octree.frontiers.iter().enumerate().filter(|(_, frontier)| !frontier.is_empty()).collect();
     shown.sort_by_key(|(index, frontier)| (std::cmp::Reverse(frontier.points().len()), *index));
@@ -63,13 +53,10 @@ pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
         .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
         .collect();
     let frontiers = Plot { label: "Some frontiers", curves: &lines, ..Plot::default() };
-    section.plots(&[
-        (
-            "Seen from above, X to the right and Z down: outlines of leaves; corners, fainter where fewer of their views have a frontier",
-            plan(map, &survey),
-        ),
-        ("The largest, the middle and the smallest frontier", frontiers.svg([Axis::POWER, Axis::ERROR])?),
-    ]);
+    section.plots(&[(
+        "The largest, the middle and the smallest frontier",
+        frontiers.svg([Axis::POWER, Axis::ERROR])?,
+    )]);
     section
         .legend(names.iter().enumerate().map(|(rank, name)| (name.as_str(), Color::SERIES[rank])));
     for ((_, frontier), name) in shown.iter().zip(&names) {
@@ -87,50 +74,69 @@ pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
     Ok(section)
 }
 
-fn facts(map: &FrontierMap, survey: &Survey) -> Vec<Fact> {
-    let ([low, high], octree) = (corners(map), &map.octree);
+/// What a map holds, by name.
+pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
+    let ([low, high], octree, meter) = (corners(map), &map.octree, &map.meter);
     let [width, height] = map.capture.size;
-    let settings: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
+    let points: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
+    let views = octree.corners.iter().flat_map(|corner| corner.frontiers);
+    let known = views.filter(|index| *index != Corner::UNKNOWN).count();
+    let power = match map.shared.points() {
+        [first, .., last] => format!(
+            "{:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
+            first.cost.power.0, last.cost.power.0, first.cost.error, last.cost.error
+        ),
+        _ => "there is no shared frontier".to_owned(),
+    };
+    let budgets = match map.error_rates.0.as_slice() {
+        [first, .., last] => {
+            format!("errors of {} to {} are calibrated", first.budget, last.budget)
+        }
+        _ => "no error budget is calibrated".to_owned(),
+    };
     vec![
-        ("Image size", format!("{width} × {height} pixels")),
-        ("Target frame rate", format!("{} per second", map.capture.frames_per_second)),
+        ("scene", format!("{} ({})", map.scene.name, map.scene.fingerprint)),
         (
-            "Cameras between",
-            format!("({}, {}, {}) and ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z),
+            "capture",
+            format!("{width} × {height} at {} frames per second", map.capture.frames_per_second),
         ),
         (
-            "Subdivided above",
+            "cameras",
+            format!(
+                "between ({}, {}, {}) and ({}, {}, {}) m",
+                low.x, low.y, low.z, high.x, high.y, high.z
+            ),
+        ),
+        ("meter", format!("{}, {}: {}", meter.provenance, meter.name, meter.description)),
+        ("knobs", format!("{}, {} combinations", map.knobs.len(), map.knobs.combinations())),
+        (
+            "octree",
+            format!(
+                "{} nodes, {} corners, {} levels",
+                octree.nodes.len(),
+                octree.corners.len(),
+                octree.levels
+            ),
+        ),
+        (
+            "frontiers",
+            format!(
+                "{}, {points} points; {known} of {} views have one",
+                octree.frontiers.len(),
+                6 * octree.corners.len()
+            ),
+        ),
+        ("power", power),
+        ("budgets", budgets),
+        (
+            "thresholds",
             format!(
                 "{} W or an error of {}",
                 rounded(map.thresholds.power_w),
                 rounded(map.thresholds.error)
             ),
         ),
-        ("Leaves", survey.leaves.iter().sum::<usize>().to_string()),
-        ("Corners", octree.corners.len().to_string()),
-        (
-            "Views with a frontier",
-            format!("{} of {}", survey.known_views, 6 * octree.corners.len()),
-        ),
-        ("Different frontiers", format!("{}, {settings} settings in all", octree.frontiers.len())),
-        ("Knobs", format!("{}, {} combinations", map.knobs.len(), map.knobs.combinations())),
     ]
-}
-
-/// The octree from above: outlines of leaves, and corners.
-fn plan(map: &FrontierMap, survey: &Survey) -> String {
-    let [low, high] = corners(map);
-    let step = (high - low) / (1u32 << map.octree.levels.min(15)) as f32;
-    let at = |x: u32, z: u32| low + step * Vec3::new(x as f32, 0.0, z as f32);
-    let mut plan = Plan::new("The octree from above", low, high);
-    for &(x, z, edge) in &survey.squares {
-        plan.outline(at(x, z), at(x + edge, z + edge));
-    }
-    for (&(x, z), &(known, of)) in &survey.columns {
-        let opacity = 0.15 + 0.85 * known as f64 / of.max(1) as f64;
-        plan.dot(at(x.into(), z.into()), CORNER, opacity);
-    }
-    plan.finish()
 }
 
 /// Lowest and highest corner of the space of cameras, metres.
@@ -146,7 +152,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use frugal_core::frontier::{
-        Bounds, Capture, Corner, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
+        Bounds, Capture, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
     };
     use frugal_core::knobs::KnobSpace;
 
@@ -200,21 +206,18 @@ mod tests {
         ] {
             assert!(html.contains(text), "{text}");
         }
-        assert!(html.contains("viewBox=\"0 0 464.0 244.0\""), "the plan is true to scale");
-        assert!(!html.contains("damaged"));
     }
 
     #[test]
-    fn empty_and_damaged_maps_are_described_too() {
+    fn empty_and_flat_maps_are_described_too() {
         let empty = FrontierMap { knobs: KnobSpace::default(), ..map(Octree::default()) };
         assert!(map_report(&empty, &[]).unwrap().contains("<svg "));
-        let damaged = Octree { nodes: vec![7], ..octree() };
         let flat = FrontierMap {
             knobs: KnobSpace::default(),
             bounds: Bounds { min: [0.0; 3], max: [0.0; 3] },
-            ..map(damaged)
+            ..map(octree())
         };
         let html = map_report(&flat, &[]).unwrap();
-        assert!(html.contains("damaged") && !html.contains("NaN") && !html.contains("inf\""));
+        assert!(!html.contains("NaN") && !html.contains("inf\""));
     }
 }

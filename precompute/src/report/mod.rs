@@ -10,7 +10,7 @@
 //! | `plan` | a scene from above, as SVG |
 //! | `plot` | SVG plots: points, curves and names over linear or logarithmic axes; bars |
 //! | `evaluation` | `frugal evaluate` |
-//! | `survey`, `map` | `frugal inspect`: statistics of an octree, and the section on it |
+//! | `map` | `frugal inspect` |
 //! | `search` | `frugal precompute`: cameras, error at equal power, influence of knobs, calibration, effort |
 //! | `control_log` | `frugal plot-log` |
 mod control_log;
@@ -20,7 +20,6 @@ mod page;
 mod plan;
 mod plot;
 mod search;
-mod survey;
 
 use frugal_core::frontier::FrontierPoint;
 use frugal_core::knobs::KnobSpace;
@@ -30,11 +29,10 @@ pub(crate) use control_log::{
     control_log_report, facts as control_log_facts, heading as control_log_heading,
 };
 pub(crate) use evaluation::evaluation_report;
-pub(crate) use map::{map_report, map_section};
+pub(crate) use map::{map_facts, map_report, map_section};
 pub(crate) use page::{Report, Section};
 pub(crate) use plot::{Axis, Bar, Color, Curve, Mark, Plot, bars, escape, staircase};
-pub(crate) use search::{SearchSummary, search_section};
-pub(crate) use survey::Survey;
+pub(crate) use search::{SearchSummary, search_facts, search_section};
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]

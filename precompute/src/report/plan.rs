@@ -53,15 +53,6 @@ impl Plan {
         );
     }
 
-    /// A disk.
-    pub(super) fn dot(&mut self, position: Vec3, color: Color, opacity: f64) {
-        let ([x, y], color) = (self.at(position), color.css());
-        let _ = writeln!(
-            self.svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\" opacity=\"{opacity:.2}\"/>"
-        );
-    }
-
     /// A circle.
     pub(super) fn ring(&mut self, position: Vec3) {
         let [x, y] = self.at(position);
@@ -103,7 +94,6 @@ mod tests {
         let (low, high) = (Vec3::new(-8.0, 0.5, -4.0), Vec3::new(8.0, 6.0, 4.0));
         let mut plan = Plan::new("a <plan>", low, high);
         plan.outline(low, high);
-        plan.dot(Vec3::new(0.0, 3.0, 2.0), Color::BLUE, 0.5);
         plan.ring(high);
         plan.wedge(Vec3::ZERO, Vec3::X, Color::GREY);
         let svg = plan.finish();
@@ -111,7 +101,6 @@ mod tests {
             "aria-label=\"a &lt;plan&gt;\"",
             "viewBox=\"0 0 464.0 244.0\"",
             "x=\"12.0\" y=\"12.0\" width=\"440.0\" height=\"220.0\"",
-            "cx=\"232.0\" cy=\"177.0\"",
             "cx=\"452.0\" cy=\"232.0\"",
             "d=\"M241.0 122.0L228.0 125.0L228.0 119.0Z\"",
         ] {

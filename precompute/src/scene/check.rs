@@ -1,5 +1,8 @@
 //! Validation of descriptions: ranges, and rules between fields.
 
+use std::ops::Bound::{self, Excluded, Included, Unbounded};
+use std::ops::RangeBounds;
+
 use frugal_core::knobs::did_you_mean;
 use frugal_trace::light::Light;
 use glam::Vec3;
@@ -31,19 +34,24 @@ fn invalid(
 fn number(
     field: &str,
     value: f32,
-    is_allowed: impl Fn(f32) -> bool,
+    range: impl RangeBounds<f32>,
     allowed: &str,
 ) -> Result<(), Problem> {
-    if value.is_finite() && is_allowed(value) {
+    if value.is_finite() && range.contains(&value) {
         Ok(())
     } else {
         invalid(field, format!("is {value}"), format!("give a finite {allowed}"))
     }
 }
 
+/// Above 0, up to `end`.
+fn up_to(end: Bound<f32>) -> (Bound<f32>, Bound<f32>) {
+    (Excluded(0.0), end)
+}
+
 fn finite(field: &str, vector: Vec3) -> Result<(), Problem> {
     (0..3).try_for_each(|axis| {
-        number(&format!("{field}[{axis}]"), vector[axis], |_| true, "number of metres")
+        number(&format!("{field}[{axis}]"), vector[axis], .., "number of metres")
     })
 }
 
@@ -62,12 +70,7 @@ fn direction(field: &str, vector: Vec3) -> Result<(), Problem> {
 
 fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
     (0..3).try_for_each(|i| {
-        number(
-            &format!("{field}[{i}]"),
-            color[i],
-            |value| value >= 0.0,
-            "linear colour of at least 0",
-        )
+        number(&format!("{field}[{i}]"), color[i], 0.0.., "linear colour of at least 0")
     })
 }
 
@@ -95,36 +98,21 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
         Environment::None => {}
         Environment::Constant(luminance) => {
             for (i, value) in luminance.iter().enumerate() {
-                number(
-                    &format!("environment[0][{i}]"),
-                    *value,
-                    |value| value >= 0.0,
-                    "luminance of at least 0 nits",
-                )?;
+                let field = format!("environment[0][{i}]");
+                number(&field, *value, 0.0.., "luminance of at least 0 nits")?;
             }
         }
-        Environment::Map(_, intensity) => number(
-            "environment[1]",
-            *intensity,
-            |value| value >= 0.0,
-            "intensity of at least 0 nits",
-        )?,
+        Environment::Map(_, intensity) => {
+            number("environment[1]", *intensity, 0.0.., "intensity of at least 0 nits")?;
+        }
     }
-    number(
-        "exposure_ev100",
-        description.exposure_ev100,
-        |value| (-20.0..=30.0).contains(&value),
-        "exposure value from -20 to 30",
-    )?;
-    let camera = &description.camera;
-    number(
-        "camera.vertical_fov",
-        camera.vertical_fov,
-        |value| value > 0.0 && value < 180.0,
-        "angle between 0 and 180 degrees, both excluded",
-    )?;
-    number("camera.near", camera.near, |value| value > 0.0, "distance greater than 0 m")?;
-    number("camera.far", camera.far, |value| value > 0.0, "distance greater than 0 m")?;
+    let (exposure, camera) = (description.exposure_ev100, &description.camera);
+    number("exposure_ev100", exposure, -20.0..=30.0, "exposure value from -20 to 30")?;
+    let (angles, allowed) =
+        (up_to(Excluded(180.0)), "angle between 0 and 180 degrees, both excluded");
+    number("camera.vertical_fov", camera.vertical_fov, angles, allowed)?;
+    number("camera.near", camera.near, up_to(Unbounded), "distance greater than 0 m")?;
+    number("camera.far", camera.far, up_to(Unbounded), "distance greater than 0 m")?;
     if camera.near >= camera.far {
         return invalid(
             "camera.far",
@@ -154,19 +142,13 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
 fn light(field: &str, light: &Light) -> Result<(), Problem> {
     let of = |name: &str| format!("{field}.{name}");
     let positive_range =
-        |range: f32| number(&of("range"), range, |value| value > 0.0, "range greater than 0 m");
-    let power = |power: f32| {
-        number(&of("luminous_power"), power, |value| value >= 0.0, "power of at least 0 lumens")
-    };
+        |range: f32| number(&of("range"), range, up_to(Unbounded), "range greater than 0 m");
+    let power =
+        |power: f32| number(&of("luminous_power"), power, 0.0.., "power of at least 0 lumens");
     match *light {
         Light::Directional { direction: vector, illuminance, color: tint } => {
             direction(&of("direction"), vector)?;
-            number(
-                &of("illuminance"),
-                illuminance,
-                |value| value >= 0.0,
-                "illuminance of at least 0 lux",
-            )?;
+            number(&of("illuminance"), illuminance, 0.0.., "illuminance of at least 0 lux")?;
             color(&of("color"), tint)
         }
         Light::Point { position, luminous_power, range, color: tint } => {
@@ -188,18 +170,10 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
             direction(&of("direction"), vector)?;
             power(luminous_power)?;
             positive_range(range)?;
-            number(
-                &of("inner_angle"),
-                inner_angle,
-                |value| (0.0..=90.0).contains(&value),
-                "half angle from 0 to 90 degrees",
-            )?;
-            number(
-                &of("outer_angle"),
-                outer_angle,
-                |value| value > 0.0 && value <= 90.0,
-                "half angle above 0 and up to 90 degrees",
-            )?;
+            let allowed = "half angle from 0 to 90 degrees";
+            number(&of("inner_angle"), inner_angle, 0.0..=90.0, allowed)?;
+            let allowed = "half angle above 0 and up to 90 degrees";
+            number(&of("outer_angle"), outer_angle, up_to(Included(90.0)), allowed)?;
             if inner_angle > outer_angle {
                 let problem = format!("is {outer_angle}, less than inner_angle, {inner_angle}");
                 return invalid(
@@ -224,7 +198,7 @@ fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {
     let mut previous: Option<f32> = None;
     for (i, key) in path.keys.iter().enumerate() {
         let of = |name: &str| format!("{field}[{i}].{name}");
-        number(&of("time"), key.time, |_| true, "number of seconds")?;
+        number(&of("time"), key.time, .., "number of seconds")?;
         if let Some(previous) = previous.filter(|previous| *previous >= key.time) {
             let problem = format!("is {}, not after the key before it, {previous}", key.time);
             return invalid(of("time"), problem, "give every key a later time than the one before");

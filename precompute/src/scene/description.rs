@@ -65,6 +65,17 @@ pub enum Environment {
     Map(String, f32),
 }
 
+impl Environment {
+    /// Whether any light comes from it.
+    pub(crate) fn sends_light(&self) -> bool {
+        match self {
+            Self::None => false,
+            Self::Constant(radiance) => *radiance != [0.0; 3],
+            Self::Map(_, intensity) => *intensity > 0.0,
+        }
+    }
+}
+
 /// The lens of a scene's cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -24,46 +24,30 @@ use super::spawn::{Emission, SpawnedGeometry, spawn};
 /// Pause while files are read.
 const YIELD: Duration = Duration::from_millis(1);
 
-/// The scene number in a description's file, and what is in the file and not loaded.
-fn checked(description: &SceneDescription) -> Result<Checked, Problem> {
-    let (name, bytes) = match &description.geometry {
-        Geometry::Gltf(name) => {
-            let file = description.resolve(name);
-            let bytes = std::fs::read(&file).map_err(|error| Problem {
-                field: "geometry[0]".into(),
-                problem: format!("cannot read {}: {error}", file.display()),
-                remedy: "give a file relative to the description".into(),
-            })?;
-            (name, bytes)
-        }
-        Geometry::Procedural(name) => {
-            let bytes = built_in::glb(name).ok_or_else(|| check::no_such_scene(name))?;
-            (name, bytes.to_vec())
-        }
-    };
-    document::check(&bytes).map_err(|problem| unusable(name, &problem))
-}
-
-/// The number of the scene in a description's file.
-///
-/// # Errors
-/// As [`read`].
-pub(super) fn scene_number(description: &SceneDescription) -> Result<usize, Problem> {
-    Ok(checked(description)?.scene)
-}
-
-/// A description's geometry, and what is in its file and not represented, as sentences.
+/// A description's geometry, the number of the scene in its file, and what is in the file and not
+/// represented.
 ///
 /// # Errors
 /// At the description's geometry, when its file is missing, broken, or needs what Bevy's loader does
 /// not read.
-pub(super) fn read(
-    description: &SceneDescription,
-) -> Result<(SceneGeometry, Vec<String>), Problem> {
-    let Checked { scene, mut gaps } = checked(description)?;
+pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Checked), Problem> {
     let (Geometry::Gltf(name) | Geometry::Procedural(name)) = &description.geometry;
+    let bytes = match &description.geometry {
+        Geometry::Gltf(_) => {
+            let file = description.resolve(name);
+            std::fs::read(&file).map_err(|error| Problem {
+                field: "geometry[0]".into(),
+                problem: format!("cannot read {}: {error}", file.display()),
+                remedy: "give a file relative to the description".into(),
+            })?
+        }
+        Geometry::Procedural(_) => {
+            built_in::glb(name).ok_or_else(|| check::no_such_scene(name))?.to_vec()
+        }
+    };
+    let mut checked = document::check(&bytes).map_err(|problem| unusable(name, &problem))?;
     let mut app = app();
-    spawn(app.world_mut(), description, scene, Emission::Nits);
+    spawn(app.world_mut(), description, checked.scene, Emission::Nits);
     let spawned = loop {
         app.update();
         let spawned = app.world().resource::<SpawnedGeometry>();
@@ -72,7 +56,7 @@ pub(super) fn read(
         }
         std::thread::sleep(YIELD);
     };
-    if let Some(failure) = spawned.failures.first() {
+    if let Some(failure) = &spawned.failure {
         return Err(unusable(name, failure));
     }
     // What was spawned in this update has its place in the next.
@@ -81,9 +65,9 @@ pub(super) fn read(
     if extracted.geometry.triangle_count() == 0 {
         return Err(unusable(name, "it has no triangles"));
     }
-    gaps.extend(spawned.gaps);
-    gaps.extend(extracted.gaps);
-    Ok((extracted.geometry, gaps))
+    checked.gaps.extend(spawned.gaps);
+    checked.gaps.extend(extracted.gaps);
+    Ok((extracted.geometry, checked))
 }
 
 /// Bevy's plugins without window, log and signal handler. A scene's files may be anywhere.

@@ -60,7 +60,7 @@ fn read_file(
     }
     let mut description = SceneDescription::new(Geometry::Gltf(name.to_owned()));
     description.source = folder.path().join("a.scene.ron");
-    let (geometry, gaps) = read(&description).map_err(|problem| problem.problem)?;
+    let (geometry, Checked { gaps, .. }) = read(&description).map_err(|problem| problem.problem)?;
     assert_eq!(geometry.validate(), Ok(()));
     Ok((geometry, gaps))
 }

@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use frugal_core::knobs::did_you_mean;
-use frugal_trace::scene::SceneGeometry;
 use ron::error::SpannedError;
 use ron::extensions::Extensions;
 use thiserror::Error;
 
 use super::check::{self, Problem};
 use super::description::{Environment, SceneDescription};
-use super::{geometry, locate};
+use super::locate;
 
 /// Why a scene cannot be used.
 #[derive(Debug, Error)]
@@ -43,30 +42,21 @@ pub enum SceneError {
     },
 }
 
-/// Reads the scene description at `path` and its geometry, and checks them, with the other files
-/// that it names.
+/// Reads the scene description at `path` and checks it, but not the files that it names.
 ///
 /// # Errors
 /// [`SceneError`], which names file, line, column, field, problem and remedy.
-pub(super) fn load_with_geometry(
-    path: &Path,
-) -> Result<(SceneDescription, SceneGeometry, Vec<String>), SceneError> {
+pub(super) fn read(path: &Path) -> Result<SceneDescription, SceneError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| SceneError::Unreadable { file: path.to_path_buf(), source })?;
-    let description = parse(&text, path)?;
-    let at_field = |problem| locate_problem(&text, path, problem);
-    let (geometry, gaps) = geometry::read(&description).map_err(at_field)?;
-    if let Environment::Map(name, _) = &description.environment {
-        read_environment(&description, name).map_err(at_field)?;
-    }
-    Ok((description, geometry, gaps))
+    parse(&text, path)
 }
 
 /// Reads a description from `text` and checks it, but not the files that it names; `path` is named
 /// in errors, and those files are relative to it.
 ///
 /// # Errors
-/// As [`load_with_geometry`].
+/// As [`read`].
 pub(super) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     let mut description: SceneDescription =
@@ -77,49 +67,27 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneEr
 }
 
 impl SceneDescription {
-    /// Reads the scene's geometry; also what of its file is not represented, as sentences.
-    ///
-    /// # Errors
-    /// [`SceneError::Invalid`] at the geometry's field, when its file cannot be used.
-    pub(super) fn geometry(&self) -> Result<(SceneGeometry, Vec<String>), SceneError> {
-        geometry::read(self).map_err(|problem| self.locate(problem))
-    }
-
-    /// The number of the scene in the geometry's file.
-    ///
-    /// # Errors
-    /// As [`geometry`](Self::geometry).
-    pub(crate) fn scene_number(&self) -> Result<usize, SceneError> {
-        geometry::scene_number(self).map_err(|problem| self.locate(problem))
-    }
-
     /// The bytes of the environment map; none without one.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at its field.
     pub(super) fn environment_bytes(&self) -> Result<Vec<u8>, SceneError> {
-        match &self.environment {
-            Environment::Map(name, _) => {
-                read_environment(self, name).map_err(|problem| self.locate(problem))
-            }
-            _ => Ok(Vec::new()),
-        }
+        let Environment::Map(name, _) = &self.environment else { return Ok(Vec::new()) };
+        let path = self.resolve(name);
+        std::fs::read(&path).map_err(|error| {
+            self.locate(Problem {
+                field: "environment[0]".into(),
+                problem: format!("cannot read {}: {error}", path.display()),
+                remedy: "give an equirectangular image relative to the description".into(),
+            })
+        })
     }
 
     /// The error's location in the description's file; line 1 if that file is missing.
-    fn locate(&self, problem: Problem) -> SceneError {
+    pub(super) fn locate(&self, problem: Problem) -> SceneError {
         let text = std::fs::read_to_string(&self.source).unwrap_or_default();
         locate_problem(&text, &self.source, problem)
     }
-}
-
-fn read_environment(description: &SceneDescription, name: &str) -> Result<Vec<u8>, Problem> {
-    let path = description.resolve(name);
-    std::fs::read(&path).map_err(|error| Problem {
-        field: "environment[0]".into(),
-        problem: format!("cannot read {}: {error}", path.display()),
-        remedy: "give an equirectangular image relative to the description".into(),
-    })
 }
 
 fn locate_problem(

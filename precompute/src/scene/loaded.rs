@@ -12,8 +12,10 @@ use frugal_trace::scene::{
 use glam::{UVec2, Vec3};
 
 use super::description::{Environment, SceneDescription};
-use super::fingerprint::Fingerprint;
-use super::load::{SceneError, load_with_geometry};
+use super::document::Checked;
+use super::fingerprint::fingerprint;
+use super::geometry;
+use super::load::{self, SceneError};
 
 /// Default margin of the camera bounds, as a share of the geometry's extent at each side: walls are
 /// seldom thinner.
@@ -43,6 +45,8 @@ pub struct LoadedScene {
     pub gaps: Vec<String>,
     /// The geometry's triangles, for ray queries.
     pub rays: Arc<RayScene>,
+    /// Number of the scene in the geometry's file.
+    pub(crate) number: usize,
 }
 
 impl Deref for LoadedScene {
@@ -58,8 +62,9 @@ impl Deref for LoadedScene {
 /// # Errors
 /// [`SceneError`], which names file, line, column, field, problem and remedy.
 pub fn load(path: impl AsRef<Path>) -> Result<LoadedScene, SceneError> {
-    let (description, geometry, gaps) = load_with_geometry(path.as_ref())?;
-    Ok(LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) })
+    let scene = LoadedScene::new(load::read(path.as_ref())?)?;
+    scene.environment_bytes()?;
+    Ok(scene)
 }
 
 impl LoadedScene {
@@ -68,14 +73,15 @@ impl LoadedScene {
     /// # Errors
     /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
     pub fn new(description: SceneDescription) -> Result<Self, SceneError> {
-        let (geometry, gaps) = description.geometry()?;
-        Ok(Self { gaps, ..Self::with_geometry(description, geometry) })
+        let (geometry, Checked { scene: number, gaps }) =
+            geometry::read(&description).map_err(|problem| description.locate(problem))?;
+        Ok(Self { gaps, number, ..Self::with_geometry(description, geometry) })
     }
 
     /// A description with `geometry` in place of its own.
     pub fn with_geometry(description: SceneDescription, geometry: SceneGeometry) -> Self {
         let rays = RayScene::from_geometry(&geometry).into();
-        Self { description, geometry: geometry.into(), gaps: Vec::new(), rays }
+        Self { description, geometry: geometry.into(), gaps: Vec::new(), rays, number: 0 }
     }
 
     /// The scene's identity: 32 hexadecimal digits that change with every change of the scene's
@@ -85,10 +91,7 @@ impl LoadedScene {
     /// # Errors
     /// [`SceneError::Invalid`] at the environment whose file cannot be read.
     pub fn fingerprint(&self) -> Result<String, SceneError> {
-        let mut fingerprint = Fingerprint::new();
-        fingerprint.description(&self.description).geometry(&self.geometry);
-        fingerprint.bytes(&self.description.environment_bytes()?);
-        Ok(fingerprint.digits())
+        Ok(fingerprint(&self.description, &self.geometry, &self.environment_bytes()?))
     }
 
     /// The camera space: the description's bounds, else the geometry's bounding box minus a tenth

@@ -5,13 +5,12 @@ use std::path::Path;
 use bevy::app::PostUpdate;
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;
 use bevy::asset::{AssetPath, AssetServer, Assets, Handle, LoadState};
-use bevy::ecs::component::Component;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::hierarchy::Children;
 use bevy::ecs::observer::On;
 use bevy::ecs::resource::Resource;
 use bevy::ecs::schedule::Schedules;
-use bevy::ecs::system::Commands;
+use bevy::ecs::system::ResMut;
 use bevy::ecs::world::World;
 use bevy::gltf::{GltfAssetLabel, GltfLoaderSettings};
 use bevy::image::Image;
@@ -24,14 +23,6 @@ use super::description::{Geometry, SceneDescription};
 /// Folder of the scenes that come with the tool, among the app's embedded assets.
 const EMBEDDED_FOLDER: &str = "frugal_scenes";
 
-/// Geometry that is being loaded, and what it becomes.
-#[derive(Component, Clone, Debug)]
-struct Loading {
-    scene: Handle<WorldAsset>,
-    emission: Emission,
-    is_spawned: bool,
-}
-
 /// The unit of emissive materials, whose factor counts in nits in a scene's file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Emission {
@@ -42,13 +33,17 @@ pub(crate) enum Emission {
     Exposed(f32),
 }
 
-/// How the geometry of scenes in this world was loaded.
-#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+/// How the geometry of this world's scene was loaded.
+#[derive(Resource, Clone, Debug)]
 pub(crate) struct SpawnedGeometry {
-    /// All that has been asked for is there, or has failed.
+    root: Entity,
+    scene: Handle<WorldAsset>,
+    emission: Emission,
+    is_spawned: bool,
+    /// It is there, or has failed.
     pub(crate) is_complete: bool,
-    /// Why a file cannot be used.
-    pub(crate) failures: Vec<String>,
+    /// Why the file cannot be used.
+    pub(crate) failure: Option<String>,
     /// Images that are missing, as sentences.
     pub(crate) gaps: Vec<String>,
 }
@@ -82,58 +77,58 @@ pub(crate) fn spawn(
         (settings.load_cameras, settings.load_lights) = (false, false);
         (settings.load_animations, settings.validate) = (false, false);
     };
-    let handle: Handle<WorldAsset> = world
+    let scene: Handle<WorldAsset> = world
         .resource::<AssetServer>()
         .load_builder()
         .with_settings(settings)
         .override_unapproved()
         .load(path);
-    if world.get_resource::<SpawnedGeometry>().is_none()
-        && let Some(mut schedules) = world.get_resource_mut::<Schedules>()
-    {
+    let is_ready = |_: On<WorldInstanceReady>, mut spawned: ResMut<SpawnedGeometry>| {
+        spawned.is_spawned = true;
+    };
+    let root = world.spawn(WorldAssetRoot(scene.clone())).observe(is_ready).id();
+    let spawned = SpawnedGeometry {
+        root,
+        scene,
+        emission,
+        is_spawned: false,
+        is_complete: false,
+        failure: None,
+        gaps: Vec::new(),
+    };
+    world.insert_resource(spawned);
+    if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
         schedules.add_systems(PostUpdate, finish);
     }
-    world.get_resource_or_init::<SpawnedGeometry>().is_complete = false;
-    let loading = Loading { scene: handle.clone(), emission, is_spawned: false };
-    world.spawn((WorldAssetRoot(handle), loading)).observe(
-        |ready: On<WorldInstanceReady>, mut commands: Commands| {
-            commands.entity(ready.entity).entry::<Loading>().and_modify(|mut loading| {
-                loading.is_spawned = true;
-            });
-        },
-    );
 }
 
 /// Finishes geometry whose file and images are loaded.
 fn finish(world: &mut World) {
-    if world.resource::<SpawnedGeometry>().is_complete {
+    let mut spawned = world.resource::<SpawnedGeometry>().clone();
+    if spawned.is_complete {
         return;
     }
-    let roots: Vec<(Entity, Loading)> = world
-        .query::<(Entity, &Loading)>()
-        .iter(world)
-        .map(|(root, loading)| (root, loading.clone()))
-        .collect();
-    let mut waiting = 0;
-    for (root, loading) in roots {
-        let state = world.resource::<AssetServer>().load_state(&loading.scene);
-        if let LoadState::Failed(error) = state {
-            world.resource_mut::<SpawnedGeometry>().failures.push(error.to_string());
-        } else if loading.scene.path().is_none() {
-            let message = "the app's `AssetPlugin::unapproved_path_mode` forbids its folder";
-            world.resource_mut::<SpawnedGeometry>().failures.push(message.to_owned());
-        } else if !loading.is_spawned || !finish_materials(world, root, loading.emission) {
-            waiting += 1;
-            continue;
-        }
-        world.entity_mut(root).remove::<Loading>();
+    let state = world.resource::<AssetServer>().load_state(&spawned.scene);
+    if let LoadState::Failed(error) = state {
+        spawned.failure = Some(error.to_string());
+    } else if spawned.scene.path().is_none() {
+        let message = "the app's `AssetPlugin::unapproved_path_mode` forbids its folder";
+        spawned.failure = Some(message.to_owned());
+    } else if spawned.is_spawned
+        && let Some(gaps) = finish_materials(world, spawned.root, spawned.emission)
+    {
+        spawned.gaps = gaps;
+    } else {
+        return;
     }
-    world.resource_mut::<SpawnedGeometry>().is_complete = waiting == 0;
+    spawned.is_complete = true;
+    world.insert_resource(spawned);
 }
 
 /// Leaves out images that are missing, without which Bevy draws nothing, and sets the unit of
-/// emission. Returns whether all images are loaded or missing; otherwise nothing is done.
-fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> bool {
+/// emission. Returns the images that are missing, as sentences; `None`, and does nothing, while one
+/// loads.
+fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> Option<Vec<String>> {
     let mut pending = vec![root];
     let mut handles: Vec<Handle<StandardMaterial>> = Vec::new();
     while let Some(entity) = pending.pop() {
@@ -145,17 +140,16 @@ fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> bool
         }
     }
     let server = world.resource::<AssetServer>().clone();
-    let Some(mut materials) = world.get_resource_mut::<Assets<StandardMaterial>>() else {
-        return true;
-    };
+    let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
     let is_loading = |handle: &Handle<StandardMaterial>| {
         materials.get(handle).is_none_or(|material| {
-            let mut images = images(material);
-            images.any(|image| matches!(server.get_load_state(image), Some(LoadState::Loading)))
+            let mut material = material.clone();
+            let mut images = slots(&mut material).into_iter().flatten();
+            images.any(|image| matches!(server.get_load_state(&*image), Some(LoadState::Loading)))
         })
     };
     if handles.iter().any(is_loading) {
-        return false;
+        return None;
     }
     let mut missing = Vec::new();
     for handle in &handles {
@@ -183,20 +177,7 @@ fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> bool
     }
     missing.sort();
     missing.dedup();
-    world.resource_mut::<SpawnedGeometry>().gaps.extend(missing);
-    true
-}
-
-fn images(material: &StandardMaterial) -> impl Iterator<Item = &Handle<Image>> {
-    [
-        &material.base_color_texture,
-        &material.metallic_roughness_texture,
-        &material.emissive_texture,
-        &material.normal_map_texture,
-        &material.occlusion_texture,
-    ]
-    .into_iter()
-    .flatten()
+    Some(missing)
 }
 
 fn slots(material: &mut StandardMaterial) -> [&mut Option<Handle<Image>>; 5] {

@@ -86,7 +86,7 @@ fn say_ready(world: &mut World) {
 /// Whether the scene's geometry is there, or why it cannot be; `None` while it loads.
 fn spawned(world: &World) -> Option<Result<(), String>> {
     let spawned = world.get_resource::<SpawnedGeometry>().filter(|spawned| spawned.is_complete)?;
-    Some(spawned.failures.first().map_or(Ok(()), |failure| Err(failure.clone())))
+    Some(spawned.failure.clone().map_or(Ok(()), Err))
 }
 
 /// An app without window, log, signal handler and user interface, whose pipelines compile when they

@@ -5,6 +5,8 @@ use frugal_core::units::Watts;
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::CameraPose;
 
+use super::RemoteError;
+
 /// A rendered frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct RenderedFrame {
@@ -16,9 +18,6 @@ pub(crate) struct RenderedFrame {
 
 /// Renders and meters frames: a stage, or formulas in tests.
 pub(crate) trait FrameRenderer {
-    /// Why no frame was rendered.
-    type Error;
-
     /// Starts a run called `name` at `pose` with `settings`: resets temporal history and warms up,
     /// so that the first frame costs no more than the others. The run's first frame follows.
     ///
@@ -29,7 +28,7 @@ pub(crate) trait FrameRenderer {
         name: &str,
         pose: &CameraPose,
         settings: KnobLevels,
-    ) -> Result<(), Self::Error>;
+    ) -> Result<(), RemoteError>;
 
     /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
     ///
@@ -39,5 +38,5 @@ pub(crate) trait FrameRenderer {
         &mut self,
         pose: &CameraPose,
         settings: KnobLevels,
-    ) -> Result<RenderedFrame, Self::Error>;
+    ) -> Result<RenderedFrame, RemoteError>;
 }

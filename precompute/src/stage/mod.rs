@@ -7,6 +7,7 @@
 //! | `useful` | the knobs that affect a scene |
 //! | `frame_renderer` | what plays frames: a stage, or formulas in tests |
 //! | `remote` | stages in processes of their own |
+//! | `side_by_side` | jobs for several renderers |
 //!
 //! The stage itself is the plugin's: `bevy_frugal_gi::stage`.
 
@@ -15,6 +16,7 @@ mod environment;
 mod frame_renderer;
 mod prefilter;
 mod remote;
+mod side_by_side;
 mod useful;
 mod world;
 
@@ -27,6 +29,7 @@ pub(crate) use app::serve;
 pub use app::{open, open_with};
 pub(crate) use frame_renderer::{FrameRenderer, RenderedFrame};
 pub(crate) use remote::{Program, RemoteError, RemoteStage, Shot, StagedScene, guard};
+pub(crate) use side_by_side::side_by_side;
 pub use useful::every_knob;
 #[cfg(test)]
 pub(crate) use useful::knobs;

@@ -5,25 +5,17 @@ use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
 use frugal_core::knobs::KnobSpace;
 use frugal_trace::light::Light;
 
-use super::StageError;
-use crate::scene::{Environment, LoadedScene};
+use crate::scene::LoadedScene;
 
 /// Names of the built-in knobs that can affect images of `scene`. All levels of the others look and
 /// cost the same, and would only lengthen the search.
-///
-/// # Errors
-/// Never, as long as the built-in knobs are valid.
-pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageError> {
+pub(crate) fn useful_knobs(scene: &LoadedScene) -> Vec<String> {
     let geometry = &scene.geometry;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
-    let has_environment = match &scene.environment {
-        Environment::None => false,
-        Environment::Constant(radiance) => *radiance != [0.0; 3],
-        Environment::Map(_, intensity) => *intensity > 0.0,
-    };
+    let has_environment = scene.environment.sends_light();
     let has_emissive = geometry.materials.iter().any(|material| material.emissive != [0.0; 3]);
-    let space = knobs()?;
+    let space = knobs();
     // From a corner, the shortest view distance may leave out the opposite one.
     let is_wide = || {
         let share = space.value(space.lowest(), "view_distance").unwrap_or(1.0);
@@ -48,27 +40,22 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Result<Vec<String>, StageErro
         "ambient_occlusion" => has_environment,
         _ => true,
     };
-    Ok(space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
+    space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect()
 }
 
 /// All built-in knobs except the opt-in ones.
-///
-/// # Errors
-/// Never, as long as the built-in knobs are valid.
-pub(crate) fn knobs() -> Result<KnobSpace, StageError> {
+pub(crate) fn knobs() -> KnobSpace {
     built_in(false)
 }
 
 /// All built-in knobs.
-///
-/// # Errors
-/// Never, as long as the built-in knobs are valid.
-pub fn every_knob() -> Result<KnobSpace, StageError> {
+pub fn every_knob() -> KnobSpace {
     built_in(true)
 }
 
-fn built_in(with_opt_in: bool) -> Result<KnobSpace, StageError> {
+fn built_in(with_opt_in: bool) -> KnobSpace {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
-    Ok(app.world().resource::<KnobRegistry>().space_with(|_| with_opt_in)?)
+    let registry = app.world().resource::<KnobRegistry>();
+    registry.space_with(|_| with_opt_in).expect("the built-in knobs are valid")
 }

@@ -30,14 +30,13 @@ use crate::scene::{Emission, Environment, LoadedScene, spawn as spawn_geometry};
 /// unapproved paths.
 ///
 /// # Errors
-/// When the geometry's file or the environment map cannot be read.
+/// When the environment map cannot be read.
 pub fn populate(world: &mut World, scene: &LoadedScene, camera: Entity) -> Result<(), StageError> {
     let geometry = &scene.geometry;
     let reach =
         geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
     let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
-    let number = scene.scene_number().map_err(|error| StageError::Level(error.to_string()))?;
-    spawn_geometry(world, scene, number, Emission::Exposed(exposure));
+    spawn_geometry(world, scene, scene.number, Emission::Exposed(exposure));
     for light in &scene.lights {
         spawn_light(world, light, reach);
     }

@@ -9,17 +9,13 @@ use frugal_search::view_features::ViewDescriber;
 use frugal_trace::integrator::ReferenceScene;
 use frugal_trace::light::Light;
 
-use crate::scene::{Environment, SceneDescription};
+use crate::scene::SceneDescription;
 
 pub(crate) use tracks::{recorded_tracks, tracks_of};
 
 /// The layout of frames of `scene` at `size` pixels.
 pub(crate) fn frame_layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLayout {
-    let has_sky = match &scene.environment {
-        Environment::None => false,
-        Environment::Constant(radiance) => *radiance != [0.0; 3],
-        Environment::Map(_, intensity) => *intensity > 0.0,
-    };
+    let has_sky = scene.environment.sends_light();
     let is_point = |light: &&Light| matches!(light, Light::Point { .. });
     let points = scene.lights.iter().filter(is_point).count();
     let most = GiLimits::default().max_rsm_count;

@@ -3,10 +3,10 @@
 //! The recorder writes a sample when a camera has moved, at most every 0.25 s. A track has a sample for
 //! each frame, so that its stretches play at the app's speed and every second of it weighs alike.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bevy_frugal_gi_tools::recording::CameraSample;
-use bevy_frugal_gi_tools::row_log::{RowLogError, read_rows};
+use bevy_frugal_gi_tools::row_log::read_rows;
 use frugal_core::frontier::CameraView;
 use frugal_search::cameras::{TrackSample, sampled};
 use frugal_trace::scene::CameraPose;
@@ -19,34 +19,6 @@ const LONGEST_STILL: f64 = 60.0;
 /// A camera that moved by less since its last sample, metres and radians, may have done so slowly: the
 /// recorder leaves out half of it.
 const SLOW: (f32, f32) = (0.1, 0.07);
-
-/// Why a recording cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum RecordedError {
-    /// The file cannot be read.
-    #[error("{path}: cannot be read: {source}; give a file that the plugin's recorder wrote", path = path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// The file is not a recording.
-    #[error("{path}: {source}", path = path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// Line, field and remedy.
-        source: RowLogError,
-    },
-    /// The recording has no samples.
-    #[error("{path}: no camera was recorded; let the app run for a while with the recorder", path = path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-}
 
 /// Samples of `paths` at `frames_per_second`.
 pub(crate) fn tracks_of<'a>(
@@ -64,15 +36,17 @@ pub(crate) fn tracks_of<'a>(
 /// The tracks in a recording, one for each camera, with a sample for each frame.
 ///
 /// # Errors
-/// When the file cannot be read, is no recording, or is empty.
+/// In a sentence: the file cannot be read, is no recording, or is empty.
 pub(crate) fn recorded_tracks(
     path: &Path,
     frames_per_second: f64,
-) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| RecordedError::File { path: path.to_owned(), source })?;
-    let samples: Vec<CameraSample> = read_rows(&text)
-        .map_err(|source| RecordedError::Content { path: path.to_owned(), source })?;
+) -> Result<Vec<Vec<TrackSample>>, String> {
+    let file = path.display();
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        format!("{file}: cannot be read: {error}; give a file that the plugin's recorder wrote")
+    })?;
+    let samples: Vec<CameraSample> =
+        read_rows(&text).map_err(|error| format!("{file}: {error}"))?;
     let mut cameras: Vec<u32> = samples.iter().map(|sample| sample.camera).collect();
     cameras.sort_unstable();
     cameras.dedup();
@@ -88,7 +62,12 @@ pub(crate) fn recorded_tracks(
         sampled(end, frames_per_second, |seconds| Some(pose_at(&keys, seconds)))
     };
     let tracks: Vec<Vec<TrackSample>> = own.iter().map(track).collect();
-    if tracks.is_empty() { Err(RecordedError::Empty { path: path.to_owned() }) } else { Ok(tracks) }
+    if tracks.is_empty() {
+        return Err(format!(
+            "{file}: no camera was recorded; let the app run for a while with the recorder"
+        ));
+    }
+    Ok(tracks)
 }
 
 /// A camera's poses by the time since its first one, between which it moves evenly. A cut is two poses
@@ -158,13 +137,11 @@ mod tests {
         assert!((tracks[0][4].pose.position.x - 0.8).abs() < 1e-6, "{tracks:?}");
         assert!((tracks[0][4].velocity - Vec3::X * 2.0).length() < 1e-5, "{tracks:?}");
         std::fs::write(&file, rows_to_text::<CameraSample>(&[])).expect("room");
-        assert!(matches!(recorded_tracks(&file, 10.0), Err(RecordedError::Empty { .. })));
+        assert!(recorded_tracks(&file, 10.0).expect_err("empty").contains("no camera"));
         std::fs::write(&file, "no recording\n").expect("room");
-        assert!(
-            recorded_tracks(&file, 10.0).expect_err("refused").to_string().contains("cameras.txt")
-        );
+        assert!(recorded_tracks(&file, 10.0).expect_err("refused").contains("cameras.txt"));
         let none = folder.path().join("none");
-        assert!(matches!(recorded_tracks(&none, 10.0), Err(RecordedError::File { .. })));
+        assert!(recorded_tracks(&none, 10.0).expect_err("missing").contains("cannot be read"));
     }
 
     /// Time, and place along x.

@@ -20,7 +20,7 @@ mod training;
 
 pub(crate) use calibrate::{Calibration, calibrate};
 pub(crate) use completion::Completion;
-pub(crate) use octree::{FitConfig, FitReport, Fitted, fit};
+pub(crate) use octree::{FitConfig, Fitted, fit};
 pub(crate) use regression::DescribedView;
 pub(crate) use smooth::Smoother;
 pub(crate) use training::Training;

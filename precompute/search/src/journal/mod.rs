@@ -56,18 +56,14 @@ impl JournalHeader {
 
     /// Name and both values of the first field in which this header differs from another.
     fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        self.contradiction(other).or_else(|| {
-            let (name, value) = self.0.iter().find(|(name, _)| other.value(name).is_none())?;
-            Some((name.clone(), value.clone(), "nothing".to_owned()))
-        })
-    }
-
-    /// The same for the fields that `known`, a part of a header, has.
-    fn contradiction(&self, known: &Self) -> Option<(String, String, String)> {
-        known.0.iter().find_map(|(name, value)| {
+        let differs = other.0.iter().find_map(|(name, value)| {
             let own = self.value(name);
             let text = own.map_or("nothing", String::as_str).to_owned();
             (own != Some(value)).then(|| (name.clone(), text, value.clone()))
+        });
+        differs.or_else(|| {
+            let (name, value) = self.0.iter().find(|(name, _)| other.value(name).is_none())?;
+            Some((name.clone(), value.clone(), "nothing".to_owned()))
         })
     }
 
@@ -106,8 +102,7 @@ impl Journal {
         options.read(true).write(true).create(true).truncate(false);
         let (file, bytes) = locked(path, &options, "open")?;
         let mut journal = Self { path: path.to_owned(), file, synced: Instant::now(), damaged: 0 };
-        let Some(contents) = admitted(path, &bytes, existing, |found| found.difference(header))?
-        else {
+        let Some(contents) = admitted(path, &bytes, existing, header)? else {
             journal.start(header)?;
             return Ok((journal, Vec::new()));
         };
@@ -116,23 +111,6 @@ impl Journal {
         journal.file.set_len(end).map_err(|source| journal.failed("shorten", source))?;
         journal.file.seek(SeekFrom::Start(end)).map_err(|source| journal.failed("read", source))?;
         Ok((journal, contents.records))
-    }
-
-    /// Whether [`open`](Self::open) will accept the file, as far as the fields in `known` tell; touches
-    /// nothing.
-    ///
-    /// # Errors
-    /// As `open`.
-    pub fn check(
-        path: &Path,
-        known: &JournalHeader,
-        existing: Existing,
-    ) -> Result<(), JournalError> {
-        if path.exists() {
-            let (_, bytes) = locked(path, OpenOptions::new().read(true), "read")?;
-            admitted(path, &bytes, existing, |found| found.contradiction(known))?;
-        }
-        Ok(())
     }
 
     /// Complete lines that were left out, because they are damaged.
@@ -176,7 +154,7 @@ fn admitted(
     path: &Path,
     bytes: &[u8],
     existing: Existing,
-    difference: impl FnOnce(&JournalHeader) -> Option<(String, String, String)>,
+    header: &JournalHeader,
 ) -> Result<Option<Contents>, JournalError> {
     if is_unbegun(bytes) || existing == Existing::Overwrite && is_of_us(bytes) {
         return Ok(None);
@@ -188,7 +166,7 @@ fn admitted(
     if contents.is_empty() {
         return Ok(None);
     }
-    if let Some((field, found, expected)) = difference(&contents.header) {
+    if let Some((field, found, expected)) = contents.header.difference(header) {
         return Err(JournalError::OtherRun { path, field, found, expected });
     }
     if existing == Existing::Refuse {

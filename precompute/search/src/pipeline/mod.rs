@@ -20,7 +20,7 @@ use frugal_core::units::Watts;
 
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, FitQuality, FrameLayout};
-use crate::fit::{Completion, FitConfig, FitReport, Fitted};
+use crate::fit::{Completion, FitConfig, Fitted};
 use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
@@ -345,15 +345,4 @@ fn table<M: Measure>(
         }
     }
     table
-}
-
-/// Describes a fit in one line.
-pub fn describe(report: &FitReport) -> String {
-    format!(
-        "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier",
-        report.cameras,
-        report.addresses,
-        100.0 * report.octree_loss,
-        100.0 * report.shared_loss,
-    )
 }

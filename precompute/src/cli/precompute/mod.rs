@@ -34,8 +34,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         others: other_journals(&output, &journal),
         journal,
     };
-    plan.check_journal()?;
-    let request = stage_for(&scene, &arguments.capture)?;
+    let request = stage_for(&scene, &arguments.capture);
     let mut stage = RemoteStage::open(&scene, request, workers)?;
     let searched = search(&mut stage, &plan)?;
     write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;

@@ -3,22 +3,19 @@
 use std::cell::LazyCell;
 use std::path::PathBuf;
 
-use bevy_frugal_gi::power::detect;
 use frugal_core::frontier::{Bounds, Capture, SceneIdentity};
 use frugal_search::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
-use frugal_search::journal::{Journal, JournalHeader, hash};
+use frugal_search::journal::{JournalHeader, hash};
 use frugal_search::pipeline::{
     self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
 
 use super::super::CliError;
-use super::super::input::knobs;
-use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
+use super::super::journal::{JournalUse, journal_header, open_journal};
 use super::super::progress::Progress;
 use super::arguments::{Arguments, SearchArguments};
-use crate::device;
 use crate::report::SearchSummary;
-use crate::stage::{self, RemoteError, RemoteStage, StagedScene};
+use crate::stage::{RemoteError, RemoteStage, StagedScene};
 use crate::subject::frame_layout;
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
@@ -35,25 +32,6 @@ pub(super) struct SearchPlan<'a> {
 }
 
 impl SearchPlan<'_> {
-    /// Fails if the journal that is there must be left as it is, before a renderer starts.
-    pub(super) fn check_journal(&self) -> Result<(), CliError> {
-        if !self.journal.exists() {
-            return Ok(());
-        }
-        let mut header = self.header()?;
-        let names = knobs(self.scene, &self.arguments.capture)?;
-        // An unknown knob is the stage's to refuse, as is a machine without a meter.
-        if let Ok(space) = self.scene.knobs.subset(names.iter().map(String::as_str)) {
-            header = header.with("list of knobs", names_of(&space));
-        }
-        let detected = || Some(detect(&stage::adapter()?).ok()?.info().name);
-        if let Some(meter) = self.arguments.capture.meter.clone().or_else(detected) {
-            header = header.with("meter", device::kind(&meter));
-        }
-        Journal::check(&self.journal, &header, self.arguments.journal.existing())
-            .map_err(|error| JournalUse::Precompute.refused(&error))
-    }
-
     fn capture(&self) -> Capture {
         let image = &self.arguments.capture.image;
         Capture {
@@ -64,12 +42,12 @@ impl SearchPlan<'_> {
         }
     }
 
-    fn identity(&self) -> Result<SceneIdentity, CliError> {
-        Ok(self.scene.identity()?)
-    }
-
-    /// The part of the journal's header that is known before anything is rendered.
-    fn header(&self) -> Result<JournalHeader, CliError> {
+    /// The header of the journal, up to the cameras.
+    fn header(
+        &self,
+        identity: &SceneIdentity,
+        stage: &RemoteStage,
+    ) -> Result<JournalHeader, CliError> {
         let arguments = &self.arguments.search;
         let limit = arguments.time_limit.map(|limit| format!("{} s", limit.as_secs_f64()));
         let paths = &arguments.tracks.paths;
@@ -79,7 +57,7 @@ impl SearchPlan<'_> {
             paths.join(",")
         };
         let paths = if paths.is_empty() { "none".to_owned() } else { paths };
-        Ok(journal_header(&self.identity()?, &self.capture())
+        Ok(journal_header(identity, &self.capture(), &stage.space, &stage.meter)?
             .with("seed", arguments.seed)
             .with("time limit", limit.unwrap_or_else(|| "none".to_owned()))
             .with("number of training cameras", arguments.training)
@@ -98,11 +76,12 @@ pub(super) fn search(
     let SearchPlan { scene, tracks, arguments, .. } = *plan;
     let (existing, search) = (arguments.journal.existing(), &arguments.search);
     let config = search.config();
-    let space = stage.space().clone();
+    let space = stage.space.clone();
     let bounds = scene.camera_bounds();
     let cameras = sample_cameras(stage, scene, tracks, search);
-    let (capture, identity) = (plan.capture(), plan.identity()?);
-    let header = rendered_by(plan.header()?, &space, &stage.meter())?
+    let (capture, identity) = (plan.capture(), scene.identity()?);
+    let header = plan
+        .header(&identity, stage)?
         .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("configuration", format!("{:016x}", hash(&format!("{config:?}"))));
     let journal =
@@ -113,15 +92,15 @@ pub(super) fn search(
         space.combinations(),
         cameras.training.len(),
         cameras.calibration.len(),
-        stage.meter().description
+        stage.meter.description
     );
     // Compiles and loads everything before anything is metered.
     stage.warm()?;
 
-    let layout = frame_layout(scene, stage.size());
+    let layout = frame_layout(scene, stage.size);
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let lens = stage.lens();
-    let idle = stage.idle();
+    let idle = stage.idle;
     // Only when the first view is described: on a resumed run it may never be.
     let describer = LazyCell::new(|| scene.view_describer());
     let describe = |camera: &MovingCamera| {
@@ -151,7 +130,7 @@ pub(super) fn search(
     let outcome = run_pipeline(&subject, &config, setup);
     drop(shown);
     let outcome = outcome.map_err(|error| cli_error(error, scene))?;
-    let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter());
+    let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter.clone());
     map.validate().map_err(CliError::failed)?;
     Ok(SearchSummary { map, outcome, cameras })
 }

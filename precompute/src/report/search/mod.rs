@@ -18,9 +18,9 @@ use summary::mean_cost;
 pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportError> {
     let SearchSummary { map, outcome, .. } = summary;
     let mut section = Section::new(&format!("{}: the search", map.scene.name));
-    section.facts(&facts(summary));
+    section.facts(&search_facts(summary));
     let (plan, legend) = plots::plan(summary);
-    let (influence, without) = plots::influence(summary)?;
+    let influence = plots::influence(summary)?;
     section.plots(&[
         (
             &format!(
@@ -39,12 +39,6 @@ pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportE
         ),
     ]);
     section.legend(legend.iter().map(|(name, color)| (name.as_str(), *color)));
-    if !without.is_empty() {
-        section.paragraph(&format!(
-            "Without effect in this scene, fixed at their cheapest and not searched: {}.",
-            without.join(", ")
-        ));
-    }
     let effort = outcome.stages.iter().map(|stage| {
         vec![
             stage.stage.clone(),
@@ -74,30 +68,53 @@ pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportE
     Ok(section)
 }
 
-fn facts(summary: &SearchSummary) -> Vec<Fact> {
-    let outcome = &summary.outcome;
-    let report = &outcome.fitted.report;
+/// Effort, size of the map, and accuracy of its figures, by name.
+pub(crate) fn search_facts(SearchSummary { map, outcome, cameras }: &SearchSummary) -> Vec<Fact> {
+    let (report, quality) = (&outcome.fitted.report, outcome.cost_quality);
     let (made, seconds) = outcome.effort;
-    vec![
+    let [training, calibration] = outcome.cameras;
+    let budgets = match map.error_rates.0.first() {
+        Some(least) => format!("from {} up are calibrated", least.budget),
+        None => "none is calibrated: each frame's error is limited instead".to_owned(),
+    };
+    let mut facts = vec![
         (
             "Renderings",
             format!("{}, of them {made} in this run, {seconds:.0} s", outcome.renderings),
         ),
-        ("Training cameras", outcome.cameras[0].to_string()),
-        ("Calibration cameras", outcome.cameras[1].to_string()),
-        ("Loss at held-out cameras", percent(report.octree_loss)),
-        ("With one shared frontier", percent(report.shared_loss)),
+        ("Training cameras", format!("{training} of {}", cameras.training.len())),
+        ("Calibration cameras", format!("{calibration} of {}", cameras.calibration.len())),
+        ("Pool", format!("{} settings", outcome.pool.len())),
         (
-            "Error of the cost model at held-out readings",
+            "Octree",
             format!(
-                "{} in the mean, {} at the 90th percentile",
-                percent(outcome.cost_quality.mean_absolute_error),
-                percent(outcome.cost_quality.ninth_decile)
+                "{} nodes, {} corners, {} frontiers",
+                map.octree.nodes.len(),
+                map.octree.corners.len(),
+                map.octree.frontiers.len()
             ),
         ),
-        ("Errors in play, as a share of those of short clips", outcome.played.to_string()),
-        ("Noise floor: the best settings rendered twice", format!("{:.4}", outcome.noise)),
-    ]
+        ("Cost more than the optimum", percent(report.octree_loss) + ", at held-out cameras"),
+        ("With one shared frontier", percent(report.shared_loss)),
+        (
+            "Error of the cost model",
+            format!(
+                "{} in the mean, {} at the 90th percentile, at held-out readings",
+                percent(quality.mean_absolute_error),
+                percent(quality.ninth_decile)
+            ),
+        ),
+        ("Errors in play ÷ those of clips", outcome.played.to_string()),
+        ("Error budgets", budgets),
+        ("Best settings rendered twice", format!("an error of {:.4}", outcome.noise)),
+    ];
+    let without = &outcome.screening.without_effect;
+    if !without.is_empty() {
+        let names: Vec<_> =
+            without.iter().map(|knob| map.knobs.knobs()[*knob].name.as_str()).collect();
+        facts.push(("Without effect, at their cheapest", names.join(", ")));
+    }
+    facts
 }
 
 #[cfg(test)]
@@ -119,7 +136,8 @@ mod tests {
         report.section(search_section(&summary).expect("a section"));
         let html = report.render();
         for text in [
-            "fixed at their cheapest and not searched: idle.",
+            "Without effect, at their cheapest",
+            "idle",
             "Training cameras",
             "screening",
             "proposals",

@@ -94,21 +94,19 @@ pub(super) fn equal_power(summary: &SearchSummary) -> Result<String, ReportError
     plot.svg([Axis::POWER, Axis::ERROR])
 }
 
-/// A bar for each knob with effect, and the names of the others.
-pub(super) fn influence(summary: &SearchSummary) -> Result<(String, Vec<String>), ReportError> {
+/// A bar for each knob with effect.
+pub(super) fn influence(summary: &SearchSummary) -> Result<String, ReportError> {
     let (space, screening) = (&summary.map.knobs, &summary.outcome.screening);
     let mut rows: Vec<Bar> = Vec::new();
-    let mut without = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
         if screening.without_effect.contains(&index) {
-            without.push(knob.name.clone());
             continue;
         }
         let value = screening.effects.get(index).into_iter().flatten().copied().fold(0.0, f64::max);
         rows.push(Bar { name: knob.name.clone(), value, color: Color::BLUE });
     }
     rows.sort_by(|a, b| b.value.total_cmp(&a.value).then_with(|| a.name.cmp(&b.name)));
-    Ok((bars("Influence of knobs", "error, 1 − SSIM", &rows, 3)?, without))
+    bars("Influence of knobs", "error, 1 − SSIM", &rows, 3)
 }
 
 /// Budgets, and the predicted errors that keep them.

@@ -2,8 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 
 use bevy_frugal_gi::stage::NO_METER;
 use bevy_frugal_gi::stage::protocol::Opened;
@@ -18,18 +17,22 @@ use super::process::StageProcess;
 use super::program::RemoteError;
 use super::staged::StagedScene;
 use crate::device::on_this_machine;
-use crate::stage::StageOptions;
+use crate::stage::{StageOptions, side_by_side};
 use crate::subject::frame_layout;
 use crate::work_meter::{WorkMeter, is_work_meter};
 
 /// A stage in another process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {
     /// At least one.
-    processes: Vec<StageProcess>,
-    size: [u32; 2],
-    space: KnobSpace,
-    meter: MeterInfo,
-    idle: Watts,
+    pub processes: Vec<StageProcess>,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// The knobs on offer.
+    pub space: KnobSpace,
+    /// The meter's name, provenance and device.
+    pub meter: MeterInfo,
+    /// Idle power, as far as the meter covers it.
+    pub idle: Watts,
     vertical_fov_degrees: f32,
 }
 
@@ -58,11 +61,12 @@ impl RemoteStage {
         if work.is_some() {
             options.meter = Some(NO_METER.to_owned());
         }
-        let process =
-            || StageProcess::new(scene.program.clone(), options.clone(), work.clone(), threads);
-        let first = process().with(scene.take_running());
-        let more = (1..count).map(|_| process());
-        let mut processes: Vec<_> = std::iter::once(first).chain(more).collect();
+        // The first begins with the program that the level came from, where there is one.
+        let process = |_| {
+            let (program, running) = (scene.program.clone(), scene.take_running());
+            StageProcess::new(program, running, options.clone(), work.clone(), threads)
+        };
+        let mut processes: Vec<_> = (0..count).map(process).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
         let (meter, idle) = match &work {
             Some(work) => (work.info(), work.idle()),
@@ -78,35 +82,10 @@ impl RemoteStage {
         })
     }
 
-    /// The knobs on offer.
-    pub(crate) fn space(&self) -> &KnobSpace {
-        &self.space
-    }
-
-    /// The meter's name, provenance and device.
-    pub(crate) fn meter(&self) -> MeterInfo {
-        self.meter.clone()
-    }
-
-    /// Idle power, as far as the meter covers it.
-    pub(crate) fn idle(&self) -> Watts {
-        self.idle
-    }
-
-    /// Width and height, pixels.
-    pub(crate) fn size(&self) -> [u32; 2] {
-        self.size
-    }
-
     /// Vertical field of view in radians, and width ÷ height.
     pub(crate) fn lens(&self) -> (f32, f32) {
         let [width, height] = self.size;
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
-    }
-
-    /// Every process, for what each can render alone.
-    pub(crate) fn processes(&mut self) -> &mut [StageProcess] {
-        &mut self.processes
     }
 
     /// Renders every level of every knob once, in every process, so that no metered frame compiles.
@@ -137,53 +116,34 @@ impl Measure for RemoteStage {
         self.processes[0].measure(clip, settings)
     }
 
-    /// Each process takes the next batch when it is done with its last. All end after the rendering that
-    /// they are at where one fails, or `done` breaks.
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
     ) -> Result<(), RemoteError> {
         let batches = split(batches, self.processes.len());
-        let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
-        let (sender, results) = mpsc::channel();
-        std::thread::scope(|scope| {
-            for process in &mut self.processes {
-                let (sender, batches, next, ends) = (sender.clone(), &batches, &next, &ends);
-                scope.spawn(move || {
-                    while let Some((batch, clip, settings)) =
-                        batches.get(next.fetch_add(1, Ordering::Relaxed))
-                    {
-                        for settings in *settings {
-                            if ends.load(Ordering::Relaxed) {
-                                return;
-                            }
-                            let (batch, settings) = (*batch, *settings);
-                            let cost = process.measure(clip, settings);
-                            let result = cost.map(|cost| Measured { batch, settings, cost });
-                            let has_failed = result.is_err();
-                            if sender.send(result).is_err() || has_failed {
-                                return;
-                            }
-                        }
-                    }
-                });
-            }
-            drop(sender);
-            let mut failure = Ok(());
-            for result in results {
-                match result {
-                    // What was rendered counts, even after the end.
-                    Ok(measured) if done(measured).is_continue() => {}
-                    Ok(_) => ends.store(true, Ordering::Relaxed),
-                    Err(error) => {
-                        ends.store(true, Ordering::Relaxed);
-                        failure = Err(error);
-                    }
+        let mut result = Ok(());
+        side_by_side(
+            &mut self.processes,
+            &batches,
+            |process, (batch, clip, settings), tell| {
+                settings.iter().try_for_each(|settings| {
+                    let cost = process.measure(clip, *settings);
+                    let has_failed = cost.is_err();
+                    let (batch, settings) = (*batch, *settings);
+                    let told = tell(cost.map(|cost| Measured { batch, settings, cost }));
+                    if has_failed { ControlFlow::Break(()) } else { told }
+                })
+            },
+            |measured| match measured {
+                Ok(measured) => done(measured),
+                Err(error) => {
+                    result = Err(error);
+                    ControlFlow::Break(())
                 }
-            }
-            failure
-        })
+            },
+        );
+        result
     }
 }
 

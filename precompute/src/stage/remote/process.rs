@@ -37,8 +37,10 @@ pub(crate) struct StageProcess {
 }
 
 impl StageProcess {
-    pub(crate) fn new(
+    /// `loaded`: a started program that has its level.
+    pub(super) fn new(
         program: Program,
+        loaded: Option<Connection>,
         options: StageOptions,
         work: Option<Arc<WorkMeter>>,
         threads: Option<usize>,
@@ -49,17 +51,10 @@ impl StageProcess {
             work,
             threads,
             connection: None,
-            loaded: None,
+            loaded,
             space: KnobSpace::default(),
             is_warm: false,
         }
-    }
-
-    /// Begins with a program that has its level already.
-    #[must_use]
-    pub(super) fn with(mut self, loaded: Option<Connection>) -> Self {
-        self.loaded = loaded;
-        self
     }
 
     /// Every process, this and later ones, renders every level of every knob once before anything
@@ -211,8 +206,6 @@ fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, RemoteError
 }
 
 impl FrameRenderer for StageProcess {
-    type Error = RemoteError;
-
     fn begin_run(
         &mut self,
         _: &str,

@@ -1,7 +1,6 @@
 //! The program of a stage: what it is, its process, and what it said last.
 
 use std::collections::VecDeque;
-use std::ffi::OsStr;
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -33,7 +32,7 @@ pub(crate) struct RemoteError {
 }
 
 impl RemoteError {
-    pub(super) fn failed(message: impl ToString) -> Self {
+    pub(crate) fn failed(message: impl ToString) -> Self {
         Self { usage: false, message: message.to_string() }
     }
 
@@ -124,7 +123,7 @@ impl Running {
     /// many as it likes.
     pub(super) fn start(
         program: &Program,
-        address: &OsStr,
+        address: &str,
         threads: Option<usize>,
     ) -> io::Result<Self> {
         let mut command = program.command()?;

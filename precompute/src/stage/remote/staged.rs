@@ -18,7 +18,7 @@ use super::program::{Program, RemoteError};
 use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, ReferenceError, SceneDescription, SceneError,
 };
-use crate::stage::{StageError, every_knob, useful_knobs};
+use crate::stage::{every_knob, useful_knobs};
 use crate::subject::view_describer;
 
 /// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
@@ -77,7 +77,7 @@ impl StagedScene {
             name: file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned),
             label: path.display().to_string(),
             program: Program::File(path.to_owned()),
-            knobs: every_knob().unwrap_or_default(),
+            knobs: every_knob(),
             scene,
             level: None,
         })
@@ -114,9 +114,7 @@ impl StagedScene {
             ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
         let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
-        let sky_bytes = postcard::to_stdvec(&sky).map_err(RemoteError::failed)?;
-        let parts = [scene.fingerprint().map_err(RemoteError::usage)?.into_bytes(), sky_bytes];
-        let fingerprint = scene::fingerprint_of(&parts.concat());
+        let fingerprint = scene::fingerprint(&scene, &scene.geometry, &sky);
         scene.description.environment = match &sky {
             ExtractedSky::Black => Environment::None,
             ExtractedSky::Constant(radiance) => Environment::Constant(*radiance),
@@ -168,13 +166,10 @@ impl StagedScene {
     }
 
     /// Names of the knobs that can affect its images: an app's own among them.
-    ///
-    /// # Errors
-    /// Never, as long as the built-in knobs are valid.
-    pub(crate) fn useful_knobs(&self) -> Result<Vec<String>, StageError> {
-        let useful = useful_knobs(&self.scene)?;
-        let Some(level) = &self.level else { return Ok(useful) };
-        let built_in = every_knob()?;
+    pub(crate) fn useful_knobs(&self) -> Vec<String> {
+        let useful = useful_knobs(&self.scene);
+        let Some(level) = &self.level else { return useful };
+        let built_in = every_knob();
         let is_textured = !self.scene.geometry.textures.is_empty();
         let is_useful = |name: &String| match name.as_str() {
             // An app may ask for reflections, contact shadows or fog, and its textures may have mip
@@ -184,12 +179,12 @@ impl StagedScene {
             _ => useful.contains(name) || built_in.index_of(name).is_none(),
         };
         let names = self.knobs.knobs().iter().map(|knob| knob.name.clone());
-        Ok(names.filter(|name| is_useful(name) && !level.opt_in.contains(name)).collect())
+        names.filter(|name| is_useful(name) && !level.opt_in.contains(name)).collect()
     }
 
     /// A process that renders it, for images whose power nobody reads.
     pub(crate) fn process(&self, options: StageOptions) -> StageProcess {
-        StageProcess::new(self.program.clone(), options, None, None).with(self.take_running())
+        StageProcess::new(self.program.clone(), self.take_running(), options, None, None)
     }
 
     /// The program that the level came from, once.
