@@ -3,7 +3,7 @@
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
 use super::{Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, percent};
-use crate::control_log::CameraLog;
+use crate::control_log::{CameraLog, changes};
 
 /// Most points of a curve; a longer log is averaged.
 const MOST_POINTS: usize = 1000;
@@ -111,6 +111,22 @@ fn section(log: &CameraLog) -> Result<Section, ReportError> {
         ]);
         section.plots(&plots);
     }
+    let knobs = changes(&log.samples);
+    if knobs.is_empty() {
+        section.paragraph("No knob changed.");
+    } else {
+        let rows: Vec<Vec<String>> = knobs
+            .iter()
+            .map(|knob| {
+                let levels = knob.levels.iter().take(6);
+                let levels: Vec<String> = levels
+                    .map(|(level, share)| format!("{level} {:.0} %", 100.0 * share))
+                    .collect();
+                vec![knob.name.clone(), knob.changes.to_string(), levels.join(", ")]
+            })
+            .collect();
+        section.table("Knobs that changed", &["knob", "changes", "levels, share of time"], &rows);
+    }
     Ok(section)
 }
 
@@ -165,13 +181,14 @@ mod tests {
             meter: "<rapl> (measured)".into(),
             frame_ms: Some(16.0),
             longest_frame_ms: Some(20.0),
+            settings: format!("a={},b=1", index % 3),
             ..ControlSample::default()
         };
         cameras(&(0..count).map(sample).collect::<Vec<_>>())
     }
 
     #[test]
-    fn the_page_has_figures_and_plots() {
+    fn the_page_has_figures_plots_and_knobs() {
         let page = control_log_report("<play>.csv", &log(100)).expect("a page");
         for text in [
             "&lt;play&gt;.csv",
@@ -180,6 +197,7 @@ mod tests {
             "5.200 W of the whole app, by &lt;rapl&gt; (measured)",
             "10 of 10 windows of 1 s by more than 2 %: 100.0 %",
             "16.00 ms, at most 20.0 ms",
+            "<td>a</td><td class=\"number\">99</td><td>0 34 %, 1 33 %, 2 33 %</td>",
         ] {
             assert!(page.contains(text), "{text}\n{page}");
         }
