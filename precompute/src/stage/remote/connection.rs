@@ -66,8 +66,7 @@ impl Connection {
         let name = program.name();
         let cannot = |error| RemoteError::failed(format!("cannot start {name}: {error}"));
         let listener = Listener::new().map_err(cannot)?;
-        let address = listener.address().map_err(cannot)?;
-        let mut running = Running::start(program, &address, threads).map_err(cannot)?;
+        let mut running = Running::start(program, &listener.address, threads).map_err(cannot)?;
         let (start, patience) = (Instant::now(), program.patience());
         let waited = patience.map_or(0, |patience| patience.as_secs());
         let socket = listener.accept(|| {

@@ -3,7 +3,10 @@
 //! of the tool.
 
 use std::io::Read as _;
+use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
+
+use bevy_frugal_gi::stage::protocol::STAGE_VARIABLE;
 
 /// Name of the hidden command.
 pub(crate) const GUARD_COMMAND: &str = "stage-guard";
@@ -37,8 +40,13 @@ pub(crate) fn guard(command: &str) -> ExitCode {
     }
 }
 
-/// Ends this process and its group, of which the tool made it the leader.
+/// Ends this process and its group, of which the tool made it the leader. Takes away the socket that a
+/// killed tool has left.
 fn end_all() {
+    if let Some(address) = std::env::var_os(STAGE_VARIABLE).map(PathBuf::from) {
+        let _ = std::fs::remove_file(&address);
+        let _ = address.parent().map(std::fs::remove_dir);
+    }
     #[cfg(unix)]
     let _ = rustix::process::kill_current_process_group(rustix::process::Signal::KILL);
     #[cfg(not(unix))]

@@ -1,6 +1,7 @@
 //! The program of a stage: what it is, its process, and what it said last.
 
 use std::collections::VecDeque;
+use std::ffi::OsStr;
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -123,7 +124,7 @@ impl Running {
     /// many as it likes.
     pub(super) fn start(
         program: &Program,
-        address: &str,
+        address: &OsStr,
         threads: Option<usize>,
     ) -> io::Result<Self> {
         let mut command = program.command()?;
