@@ -62,7 +62,10 @@ impl Listener {
     pub(super) fn new() -> io::Result<Self> {
         let listener = std::net::TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, 0))?;
         listener.set_nonblocking(true)?;
-        let token = format!("{:032x}", rand::random::<u128>());
+        let mut number = || rand::TryRng::try_next_u64(&mut rand::rngs::SysRng);
+        let (low, high) =
+            (number().map_err(io::Error::other)?, number().map_err(io::Error::other)?);
+        let token = format!("{high:016x}{low:016x}");
         let address = format!("{}/{token}", listener.local_addr()?).into();
         Ok(Self { address, listener, token })
     }
