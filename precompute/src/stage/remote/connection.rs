@@ -68,6 +68,9 @@ impl Connection {
         let listener = Listener::new().map_err(cannot)?;
         let mut running = Running::start(program, &listener.address, threads).map_err(cannot)?;
         let (start, patience) = (Instant::now(), program.patience());
+        if patience.is_some() {
+            eprintln!("starting {name}");
+        }
         let waited = patience.map_or(0, |patience| patience.as_secs());
         let socket = listener.accept(|| {
             if running.has_ended()? {
@@ -112,6 +115,9 @@ impl Connection {
     /// # Errors
     /// When there is none.
     pub(super) fn load(&mut self, scene: bool) -> Result<Loaded, RemoteError> {
+        if self.program.patience().is_some() {
+            eprintln!("{} runs; its level loads", self.program.name());
+        }
         let request = Request::Load { seconds: self.patience_seconds(), scene };
         match self.exchange(&request)? {
             (Answer::Loaded { knobs, opt_in, .. }, scene) => Ok(Loaded { knobs, opt_in, scene }),
