@@ -16,7 +16,7 @@ use super::arguments::{CaptureArguments, SceneArguments, check_outputs, duration
 use super::input::{open_scene, stage_for};
 use super::progress::Progress;
 use crate::stage::RemoteStage;
-use crate::subject::{frame_layout, tracks_of};
+use crate::subject::{camera_space, frame_layout, tracks_of};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -48,9 +48,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let request = stage_for(&scene, &arguments.capture);
     let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
     let space = stage.space.clone();
-    let bounds = scene.camera_bounds();
     let fps = arguments.capture.image.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
+    let bounds = camera_space(&scene, &tracks);
     let cameras = CameraSet::sample(
         &scene.rays,
         &bounds,
@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     .training;
     if cameras.is_empty() {
         return Err(CliError::usage(format!(
-            "{}: no camera in free space sees the scene",
+            "{}: no camera in free space sees the scene: check its bounds",
             scene.label
         )));
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use frugal_trace::light::Light;
 use frugal_trace::scene::{SceneGeometry, SceneMaterial, SceneMesh};
 use serde::Serialize;
 
@@ -27,6 +28,29 @@ pub(crate) fn fingerprint(
         ..description.clone()
     };
     format!("{:032x}", hash(&(description, surfaces(geometry), environment)))
+}
+
+/// The same for the level of an app, of what stays while the app moves things, lights and colours:
+/// each mesh's triangles and texture coordinates, textures, and the number of lights of each kind.
+pub(crate) fn level_fingerprint(
+    description: &SceneDescription,
+    geometry: &SceneGeometry,
+) -> String {
+    let mesh = |mesh: &SceneMesh| hash(&(&mesh.indices, &mesh.uvs, &mesh.second_uvs));
+    let mut meshes: Vec<u128> = geometry.meshes.iter().map(mesh).collect();
+    let mut textures: Vec<u128> = geometry.textures.iter().map(hash).collect();
+    meshes.sort_unstable();
+    textures.sort_unstable();
+    let mut lights = [0_u32; 3];
+    for light in &description.lights {
+        let kind = match light {
+            Light::Directional { .. } => 0,
+            Light::Point { .. } => 1,
+            Light::Spot { .. } => 2,
+        };
+        lights[kind] += 1;
+    }
+    format!("{:032x}", hash(&(meshes, textures, lights)))
 }
 
 /// Hashes of the meshes, each with its material and textures, in whatever order these are.
@@ -85,6 +109,36 @@ mod tests {
     #[test]
     fn parts_are_told_apart() {
         assert_ne!(hash(&("ab", "c")), hash(&("a", "bc")));
+    }
+
+    #[test]
+    fn a_level_stays_the_same_while_its_things_move() {
+        let light = |x: f32| Light::Point {
+            position: Vec3::X * x,
+            luminous_power: 100.0 + x,
+            range: 10.0,
+            color: [1.0; 3],
+        };
+        let level = |x: f32, indices: Vec<u32>, lights: usize| {
+            let mesh = SceneMesh {
+                positions: vec![Vec3::X * x, Vec3::Y, Vec3::Z],
+                normals: vec![Vec3::Z * x; 3],
+                indices,
+                ..SceneMesh::default()
+            };
+            let glow = SceneMaterial { emissive: [x; 3], ..SceneMaterial::default() };
+            let geometry =
+                SceneGeometry { meshes: vec![mesh], materials: vec![glow], textures: Vec::new() };
+            let description = SceneDescription {
+                lights: vec![light(x); lights],
+                ..SceneDescription::new(Geometry::Procedural(String::new()))
+            };
+            level_fingerprint(&description, &geometry)
+        };
+        let one = level(1.0, vec![0, 1, 2], 1);
+        assert_eq!(one, level(2.0, vec![0, 1, 2], 1), "it moved and glows");
+        assert_ne!(one, level(1.0, vec![0, 2, 1], 1), "another mesh");
+        assert_ne!(one, level(1.0, vec![0, 1, 2], 2), "another light");
     }
 
     #[test]

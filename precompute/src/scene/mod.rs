@@ -25,7 +25,7 @@ mod path;
 mod spawn;
 
 pub use description::{Camera, Environment, Geometry, SceneDescription};
-pub(crate) use fingerprint::fingerprint;
+pub(crate) use fingerprint::level_fingerprint;
 pub(crate) use geometry::headless;
 pub use load::SceneError;
 pub use loaded::{LoadedScene, ReferenceError, load};

@@ -11,7 +11,7 @@ use frugal_trace::light::Light;
 
 use crate::scene::SceneDescription;
 
-pub(crate) use tracks::{recorded_tracks, tracks_of};
+pub(crate) use tracks::{camera_space, recorded_tracks, tracks_of};
 
 /// The layout of frames of `scene` at `size` pixels.
 pub(crate) fn frame_layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLayout {

@@ -9,9 +9,9 @@ use bevy_frugal_gi_tools::recording::CameraSample;
 use bevy_frugal_gi_tools::row_log::read_rows;
 use frugal_core::frontier::CameraView;
 use frugal_search::cameras::{TrackSample, sampled};
-use frugal_trace::scene::CameraPose;
+use frugal_trace::scene::{Bounds, CameraPose};
 
-use crate::scene::CameraPath;
+use crate::scene::{CameraPath, LoadedScene};
 
 /// Longest time in which a camera counts as still, seconds. Beyond it the app was paused, or nobody
 /// played.
@@ -31,6 +31,17 @@ pub(crate) fn tracks_of<'a>(
         })
     };
     paths.into_iter().map(track).filter(|track: &Vec<_>| !track.is_empty()).collect()
+}
+
+/// Where cameras may be: the scene's own bounds, else those of its geometry with the places of
+/// `tracks`.
+pub(crate) fn camera_space(scene: &LoadedScene, tracks: &[Vec<TrackSample>]) -> Bounds {
+    let own = scene.camera_bounds();
+    if scene.bounds.is_some() {
+        return own;
+    }
+    let places = tracks.iter().flatten().map(|sample| sample.pose.position);
+    Bounds::around(places.chain([own.min, own.max])).unwrap_or(own)
 }
 
 /// The tracks in a recording, one for each camera, with a sample for each frame.

@@ -219,15 +219,15 @@ impl MapFit {
                 percent(self.pixels)
             ),
             Misfit::FrameRate => format!(
-                "the frame rate is {:.0} % of the map's: hold that rate, or run `frugal precompute` with the app's --fps",
+                "the frame rate is {:.0} % of the map's: hold that rate (`Budget::with_frame_time`), or run `frugal precompute` with the app's --fps",
                 percent(self.frame_rate)
             ),
             Misfit::FieldOfView => format!(
-                "the field of view differs from the map's by {:.1} degrees: set `camera.vertical_fov` in the scene file",
+                "the field of view differs from the map's by {:.1} degrees: run `frugal precompute` on the app, or set `camera.vertical_fov` in the scene file",
                 self.field_of_view.unwrap_or(0.0)
             ),
             Misfit::Outside => format!(
-                "the camera is {:.1} m outside the map's bounds: widen `bounds` in the scene file",
+                "the camera is {:.1} m outside the map's bounds: record cameras and name them by `--cameras`, or widen `bounds` in the scene file",
                 self.outside.unwrap_or(0.0)
             ),
         }

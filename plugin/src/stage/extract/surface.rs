@@ -1,8 +1,11 @@
 //! Meshes where they are drawn, with their materials.
 
+use std::any::TypeId;
+
 use bevy::asset::{AssetId, Assets};
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange};
 use bevy::ecs::entity::Entity;
+use bevy::ecs::reflect::AppTypeRegistry;
 use bevy::ecs::world::World;
 use bevy::light::NotShadowCaster;
 use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
@@ -115,8 +118,15 @@ fn surface(
 
 /// Whether a material of any other kind draws the entity.
 fn has_other_material(world: &World, entity: Entity) -> bool {
+    // `MaterialPlugin` registers them. A component's own name is known only with Bevy's feature `debug`.
+    let Some(types) = world.get_resource::<AppTypeRegistry>() else { return false };
+    let types = types.read();
+    let is_material = |id: TypeId| {
+        let path = types.get_type_info(id).map(|info| info.type_path_table().ident());
+        path == Some(Some("MeshMaterial3d"))
+    };
     world.inspect_entity(entity).is_ok_and(|mut components| {
-        components.any(|component| component.name().to_string().contains("MeshMaterial3d<"))
+        components.any(|component| component.type_id().is_some_and(is_material))
     })
 }
 

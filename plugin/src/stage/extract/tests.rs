@@ -19,6 +19,9 @@ use bevy::transform::components::{GlobalTransform, Transform};
 use frugal_trace::light::Light;
 use frugal_trace::scene::{AlphaMode, Texels, Wrap};
 
+use bevy::ecs::reflect::AppTypeRegistry;
+use bevy::pbr::decal::ForwardDecalMaterial;
+
 use super::{ExtractedScene, ExtractedSky, extract};
 
 fn world() -> World {
@@ -212,6 +215,24 @@ fn what_the_camera_does_not_see_is_not_there() {
     assert_eq!(seen.geometry.triangle_count(), 1);
     assert_eq!((seen.exposure_ev100, seen.near, seen.far), (6.0, 0.2, 77.0));
     assert!((seen.vertical_fov_degrees - 1.0_f32.to_degrees()).abs() < 1e-4);
+}
+
+/// Bevy hides the names of components unless its feature `debug` is on.
+#[test]
+fn meshes_with_materials_of_other_kinds_are_grey_and_named() {
+    type Other = MeshMaterial3d<ForwardDecalMaterial<StandardMaterial>>;
+    let mut world = world();
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(triangle());
+    let bare = (Mesh3d(mesh.clone()), GlobalTransform::default());
+    world.spawn(bare);
+    assert!(extract(&mut world, None).geometry.meshes.is_empty(), "nothing draws it");
+    world.init_resource::<AppTypeRegistry>();
+    world.resource::<AppTypeRegistry>().write().register::<Other>();
+    let material = Other::from(Handle::default());
+    world.spawn((Mesh3d(mesh), material, GlobalTransform::default(), Name::new("decal")));
+    let found = extract(&mut world, None);
+    assert_eq!(found.geometry.meshes.len(), 1);
+    assert!(found.gaps.iter().any(|gap| format!("{gap:?}").contains("decal")), "{:?}", found.gaps);
 }
 
 #[test]

@@ -65,7 +65,9 @@ pub enum PipelineError<E> {
     #[error("this shard's share is rendered, those of others are not")]
     NeedsOthers,
     /// No camera in free space sees any geometry.
-    #[error("no camera in free space sees the scene: check its bounds and paths")]
+    #[error(
+        "no camera in free space sees the scene: check its bounds and paths, or record cameras and name them by `--cameras`"
+    )]
     NoCameras,
 }
 

@@ -16,6 +16,11 @@ pub(super) fn print_outcome(searched: &SearchSummary) {
             "the time limit ended the run before all cameras: a longer one gives a better map"
         );
     }
+    if outcome.fitted.shared.points().len() < 2 {
+        println!(
+            "the map has one setting: no knob saves power here. Search with the app's own --size, and with its lights and effects"
+        );
+    }
     let (extent, whole, (made, seconds)) = (outcome.extent, Extent::WHOLE, outcome.effort);
     if extent != whole && made > 0 {
         let minutes = seconds / made as f64 * Extent::WHOLE_RENDERINGS as f64 / 60.0;

@@ -9,6 +9,7 @@ use frugal_search::journal::{JournalHeader, hash};
 use frugal_search::pipeline::{
     self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
+use frugal_trace::scene::Bounds as CameraSpace;
 
 use super::super::CliError;
 use super::super::journal::{JournalUse, journal_header, open_journal};
@@ -16,7 +17,7 @@ use super::super::progress::Progress;
 use super::arguments::{Arguments, SearchArguments};
 use crate::report::SearchSummary;
 use crate::stage::{RemoteError, RemoteStage, StagedScene};
-use crate::subject::frame_layout;
+use crate::subject::{camera_space, frame_layout};
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
 const MAX_CALIBRATION: usize = 24;
@@ -77,8 +78,8 @@ pub(super) fn search(
     let (existing, search) = (arguments.journal.existing(), &arguments.search);
     let config = search.config();
     let space = stage.space.clone();
-    let bounds = scene.camera_bounds();
-    let cameras = sample_cameras(stage, scene, tracks, search);
+    let bounds = camera_space(scene, tracks);
+    let cameras = sample_cameras(stage, scene, &bounds, tracks, search);
     let (capture, identity) = (plan.capture(), scene.identity()?);
     let header = plan
         .header(&identity, stage)?
@@ -139,21 +140,14 @@ pub(super) fn search(
 fn sample_cameras(
     stage: &RemoteStage,
     scene: &StagedScene,
+    bounds: &CameraSpace,
     tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
 ) -> CameraSet {
     let calibration = arguments.training.div_ceil(6).min(MAX_CALIBRATION);
     let counts = [arguments.training, calibration, Extent::WHOLE.views];
     let (mix, lens) = (CameraMix::default(), stage.lens());
-    CameraSet::sample(
-        &scene.rays,
-        &scene.camera_bounds(),
-        tracks,
-        counts,
-        &mix,
-        lens,
-        arguments.seed,
-    )
+    CameraSet::sample(&scene.rays, bounds, tracks, counts, &mix, lens, arguments.seed)
 }
 
 fn cli_error(error: PipelineError<RemoteError>, scene: &StagedScene) -> CliError {

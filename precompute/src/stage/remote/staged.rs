@@ -114,7 +114,7 @@ impl StagedScene {
             ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
         let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
-        let fingerprint = scene::fingerprint(&scene, &scene.geometry, &sky);
+        let fingerprint = scene::level_fingerprint(&scene, &scene.geometry);
         scene.description.environment = match &sky {
             ExtractedSky::Black => Environment::None,
             ExtractedSky::Constant(radiance) => Environment::Constant(*radiance),
