@@ -14,6 +14,8 @@ use super::program::{Program, RemoteError, Running};
 
 /// Time that a program has beyond its own limit, to say why it did not keep it.
 const GRACE: Duration = Duration::from_secs(10);
+/// After that it says what it waits for.
+const SILENCE: Duration = Duration::from_secs(30);
 
 /// Why a program gave no answer.
 pub(super) enum NoAnswer {
@@ -68,9 +70,7 @@ impl Connection {
         let listener = Listener::new().map_err(cannot)?;
         let mut running = Running::start(program, &listener.address, threads).map_err(cannot)?;
         let (start, patience) = (Instant::now(), program.patience());
-        if patience.is_some() {
-            eprintln!("starting {name}");
-        }
+        let mut is_told = false;
         let waited = patience.map_or(0, |patience| patience.as_secs());
         let socket = listener.accept(|| {
             if running.has_ended()? {
@@ -78,6 +78,10 @@ impl Connection {
                     "{name} ended before it connected: an app needs bevy_frugal_gi's `StagePlugin`, with its feature `stage`"
                 );
                 return Err(running.describe(&problem));
+            }
+            if !is_told && start.elapsed() > SILENCE {
+                is_told = true;
+                eprintln!("waiting for {name}: it builds or starts");
             }
             if patience.is_some_and(|patience| start.elapsed() > patience) {
                 let problem = format!(
@@ -115,9 +119,6 @@ impl Connection {
     /// # Errors
     /// When there is none.
     pub(super) fn load(&mut self, scene: bool) -> Result<Loaded, RemoteError> {
-        if self.program.patience().is_some() {
-            eprintln!("{} runs; its level loads", self.program.name());
-        }
         let request = Request::Load { seconds: self.patience_seconds(), scene };
         match self.exchange(&request)? {
             (Answer::Loaded { knobs, opt_in, .. }, scene) => Ok(Loaded { knobs, opt_in, scene }),
