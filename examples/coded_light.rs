@@ -1,15 +1,15 @@
-//! Lamps that blink too fast for eyes, and the stripes that they draw in a rolling-shutter camera.
+//! Lights that blink too fast for eyes, and the stripes that they draw in a rolling-shutter camera.
 //!
 //! Look at the stripes: shadows have them too, since light that has bounced is modulated like
-//! direct light; what the steady lamp at the back lights has the least. Space changes what the lamps
+//! direct light; surfaces by the steady light at the back have the least. Space changes what the lights
 //! do: a code in the ratio of their frequencies, of which the detector's verdict is below the image
 //! and on the terminal; frequencies that change; one frequency, which Up and Down can undo by the
 //! exposure; and a frequency that follows the exposure, so that this one camera sees no stripes.
 //! Changing frequencies are taken for the code: the lines of their pattern, multiples of 100 Hz, have
 //! its ratios.
 //!
-//! Each lamp is rendered alone once, with its indirect light. The camera reads 15 000 rows a second,
-//! and an image is the sum of the lamps' images, each with its rows scaled.
+//! Each light is rendered alone once, with its indirect light. The camera reads 15 000 rows a second,
+//! and an image is the sum of the lights' images, each with its rows scaled.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
@@ -19,7 +19,7 @@ use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 use bevy_frugal_gi::prelude::*;
-use frugal_examples::{ExamplePlugin, caption};
+use frugal_examples::{ExamplePlugin, caption, spawn_blocks};
 use frugal_trace::coded::{self, CODES, CodedError, Detector, Scramble, Shutter, Waveform};
 use frugal_trace::metrics::{Radiance, tone};
 use half::f16;
@@ -34,8 +34,8 @@ const CODE: [f64; 3] = CODES[0];
 const EXPOSURES: [f64; 6] = [4000.0, 2000.0, 1300.0, 700.0, 400.0, 150.0];
 /// Frames after a change of light before its image is read.
 const SETTLING_FRAMES: u32 = 40;
-/// Place and luminous power, lumens, of each lamp. The last one is steady.
-const LAMPS: [(Vec3, f32); 3] = [
+/// Place and luminous power, lumens, of each light. The last one is steady.
+const LIGHTS: [(Vec3, f32); 3] = [
     (Vec3::new(-2.4, 2.7, 1.2), 250_000.0),
     (Vec3::new(2.2, 2.4, 0.6), 180_000.0),
     (Vec3::new(0.3, 2.6, -2.4), 60_000.0),
@@ -51,9 +51,9 @@ fn main() -> AppExit {
         .run()
 }
 
-/// What the lamps do.
+/// What the lights do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lamps {
+enum Pattern {
     Code,
     Scrambled,
     OneFrequency,
@@ -65,21 +65,21 @@ struct Studio {
     /// The target of the camera, and the image in the window.
     target: Handle<Image>,
     shown: Handle<Image>,
-    /// Images of each lamp alone, as they arrive.
+    /// Images of each light alone, as they arrive.
     images: Vec<Radiance>,
     /// Frames since the light changed.
     frames: u32,
     is_reading: bool,
-    lamps: Lamps,
+    pattern: Pattern,
     /// Index of [`EXPOSURES`].
     exposure: usize,
     /// Whether the settings changed since the last image.
     is_changed: bool,
 }
 
-/// Index of [`LAMPS`].
+/// Index of [`LIGHTS`].
 #[derive(Component)]
-struct Lamp(usize);
+struct Source(usize);
 
 /// The caption.
 #[derive(Component)]
@@ -102,22 +102,10 @@ fn set_up(
         (vec3(0.6, 2.2, 0.6), vec3(-0.8, 1.1, -0.6), grey),
         (vec3(1.2, 0.9, 0.9), vec3(1.3, 0.45, 0.4), Color::srgb(0.4, 0.45, 0.7)),
     ];
-    for (size, centre, color) in blocks {
-        let surface = StandardMaterial {
-            base_color: color,
-            perceptual_roughness: 1.0,
-            reflectance: 0.0,
-            ..default()
-        };
-        commands.spawn((
-            Mesh3d(meshes.add(Cuboid::from_size(size))),
-            MeshMaterial3d(materials.add(surface)),
-            Transform::from_translation(centre),
-        ));
-    }
-    for (i, (place, _)) in LAMPS.into_iter().enumerate() {
+    spawn_blocks(&mut commands, &mut meshes, &mut materials, blocks);
+    for (i, (place, _)) in LIGHTS.into_iter().enumerate() {
         let light = PointLight { intensity: 0.0, shadow_maps_enabled: true, ..default() };
-        commands.spawn((light, Lamp(i), Transform::from_translation(place)));
+        commands.spawn((light, Source(i), Transform::from_translation(place)));
     }
     let size = Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 };
     let mut target = Image::new_fill(
@@ -155,31 +143,31 @@ fn set_up(
         ..default()
     };
     commands.spawn((ImageNode::new(shown.clone()), whole));
-    commands.spawn((caption("each lamp alone…"), Report, GlobalZIndex(1)));
+    commands.spawn((caption("each light alone…"), Report, GlobalZIndex(1)));
     commands.insert_resource(Studio {
         target,
         shown,
         images: Vec::new(),
         frames: 0,
         is_reading: false,
-        lamps: Lamps::Code,
+        pattern: Pattern::Code,
         exposure: 1,
         is_changed: true,
     });
 }
 
-/// Turns on one lamp after the other, and reads its image when the light has settled.
+/// Turns on one light after the other, and reads its image when the light has settled.
 fn light_in_turn(
     mut commands: Commands,
     mut studio: ResMut<Studio>,
-    mut lamps: Query<(&mut PointLight, &Lamp)>,
+    mut lights: Query<(&mut PointLight, &Source)>,
     warming: Query<(), With<WarmKnobs>>,
 ) {
-    if studio.images.len() == LAMPS.len() || !warming.is_empty() {
+    if studio.images.len() == LIGHTS.len() || !warming.is_empty() {
         return;
     }
-    for (mut light, lamp) in &mut lamps {
-        let intensity = if lamp.0 == studio.images.len() { LAMPS[lamp.0].1 } else { 0.0 };
+    for (mut light, source) in &mut lights {
+        let intensity = if source.0 == studio.images.len() { LIGHTS[source.0].1 } else { 0.0 };
         if light.intensity != intensity {
             light.intensity = intensity;
         }
@@ -191,7 +179,7 @@ fn light_in_turn(
     }
 }
 
-/// Keeps the image of a lamp.
+/// Keeps the image of a light.
 fn receive(read: On<ReadbackComplete>, mut commands: Commands, mut studio: ResMut<Studio>) {
     // A copy that was under way when the first one arrived.
     if !studio.is_reading {
@@ -206,22 +194,22 @@ fn receive(read: On<ReadbackComplete>, mut commands: Commands, mut studio: ResMu
 }
 
 fn choose(keys: Res<ButtonInput<KeyCode>>, mut studio: ResMut<Studio>) {
-    let (lamps, exposure) = (studio.lamps, studio.exposure);
-    let lamps = if keys.just_pressed(KeyCode::Space) {
-        match lamps {
-            Lamps::Code => Lamps::Scrambled,
-            Lamps::Scrambled => Lamps::OneFrequency,
-            Lamps::OneFrequency => Lamps::Authorised,
-            Lamps::Authorised => Lamps::Code,
+    let (pattern, exposure) = (studio.pattern, studio.exposure);
+    let pattern = if keys.just_pressed(KeyCode::Space) {
+        match pattern {
+            Pattern::Code => Pattern::Scrambled,
+            Pattern::Scrambled => Pattern::OneFrequency,
+            Pattern::OneFrequency => Pattern::Authorised,
+            Pattern::Authorised => Pattern::Code,
         }
     } else {
-        lamps
+        pattern
     };
     let longer = usize::from(keys.just_pressed(KeyCode::ArrowUp));
     let shorter = usize::from(keys.just_pressed(KeyCode::ArrowDown));
     let exposure = (exposure + longer).saturating_sub(shorter).min(EXPOSURES.len() - 1);
-    if (lamps, exposure) != (studio.lamps, studio.exposure) {
-        (studio.lamps, studio.exposure, studio.is_changed) = (lamps, exposure, true);
+    if (pattern, exposure) != (studio.pattern, studio.exposure) {
+        (studio.pattern, studio.exposure, studio.is_changed) = (pattern, exposure, true);
     }
 }
 
@@ -234,7 +222,7 @@ fn expose(
     mut last: Local<f64>,
 ) {
     let now = time.elapsed_secs_f64();
-    if studio.images.len() < LAMPS.len() || (now - *last < 0.2 && !studio.is_changed) {
+    if studio.images.len() < LIGHTS.len() || (now - *last < 0.2 && !studio.is_changed) {
         return;
     }
     *last = now;
@@ -257,49 +245,49 @@ fn expose(
         Ok(verdict) => {
             let line = format!(
                 "{:?}, 1/{} s: {} ({} matching ratios, {} needed)",
-                studio.lamps,
+                studio.pattern,
                 EXPOSURES[studio.exposure],
                 if verdict.is_protected() { "a code" } else { "no code" },
                 verdict.matches,
                 verdict.threshold
             );
             println!("{line}");
-            report.0 = format!("{line}\nSpace: lamps   Up, Down: exposure");
+            report.0 = format!("{line}\nSpace: pattern   Up, Down: exposure");
         }
         Err(error) => error!("no verdict: {error}"),
     }
 }
 
-/// The image of a frame that begins at `start`, seconds; and that of steady lamps.
+/// The image of a frame that begins at `start`, seconds; and that of steady lights.
 fn take(studio: &Studio, start: f64) -> Result<(Radiance, Radiance), CodedError> {
     let exposure = 1.0 / EXPOSURES[studio.exposure];
     let shutter = Shutter::new(exposure, 1.0 / READ_OUT, SIZE.y)?;
     let steady = vec![1.0; SIZE.y as usize];
     let wave = |frequency| Waveform::new(frequency, 0.5, 0.0, 1.0);
-    let profile = match studio.lamps {
-        Lamps::Code => {
+    let profile = match studio.pattern {
+        Pattern::Code => {
             // Each frequency for a third of a frame.
             let dwell = f64::from(SIZE.y) / READ_OUT / 3.0;
             shutter.profile(&coded::barcode(&CODE, dwell, 0.5, 1.0)?, start)
         }
-        Lamps::Scrambled => {
+        Pattern::Scrambled => {
             shutter.profile(&Scramble::new(2, 200.0, 50.0)?.sequence(0.5, 1.0)?, start)
         }
-        Lamps::OneFrequency => shutter.profile(&wave(400.0)?, start),
-        Lamps::Authorised => {
+        Pattern::OneFrequency => shutter.profile(&wave(400.0)?, start),
+        Pattern::Authorised => {
             shutter.profile(&wave(coded::authorised_frequency(exposure, 1)?)?, start)
         }
     };
     let image = |modulated: &[f64]| {
-        let lamps: Vec<(&Radiance, [&[f64]; 3])> = studio
+        let lights: Vec<(&Radiance, [&[f64]; 3])> = studio
             .images
             .iter()
             .enumerate()
             .map(|(i, image)| {
-                (image, [if i + 1 < LAMPS.len() { modulated } else { &steady[..] }; 3])
+                (image, [if i + 1 < LIGHTS.len() { modulated } else { &steady[..] }; 3])
             })
             .collect();
-        coded::compose(&lamps)
+        coded::compose(&lights)
     };
     Ok((image(&profile)?, image(&steady)?))
 }

@@ -7,7 +7,7 @@
 
 use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
-use frugal_examples::{ExamplePlugin, caption};
+use frugal_examples::{ExamplePlugin, caption, spawn_blocks};
 
 /// Seconds of a round.
 const ROUND: f32 = 6.0;
@@ -44,19 +44,7 @@ fn set_up(
         (vec3(0.1, 3.0, 6.0), vec3(4.05, 1.5, 0.0), green),
         (vec3(0.8, 3.0, 0.8), vec3(0.0, 1.5, -0.3), grey),
     ];
-    for (size, centre, color) in blocks {
-        let surface = StandardMaterial {
-            base_color: color,
-            perceptual_roughness: 1.0,
-            reflectance: 0.0,
-            ..default()
-        };
-        commands.spawn((
-            Mesh3d(meshes.add(Cuboid::from_size(size))),
-            MeshMaterial3d(materials.add(surface)),
-            Transform::from_translation(centre),
-        ));
-    }
+    spawn_blocks(&mut commands, &mut meshes, &mut materials, blocks);
     let light = PointLight { intensity: 250_000.0, shadow_maps_enabled: true, ..default() };
     commands.spawn((light, Circling::default(), Transform::default()));
     let view = Transform::from_xyz(0.0, 1.8, 6.6).looking_at(vec3(0.0, 1.4, 0.0), Vec3::Y);

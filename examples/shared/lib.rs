@@ -7,6 +7,7 @@
 //! `FRUGAL_EXAMPLE_SIZE=320x180` the window has that size.
 
 mod map;
+mod room;
 mod text;
 mod tour;
 
@@ -19,6 +20,7 @@ use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 
 pub use map::{BudgetRange, MapWhenWarm, control, read_map};
+pub use room::spawn_blocks;
 pub use text::{add_ui_camera, caption};
 pub use tour::{Tour, travel};
 

@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 
-/// Rec. 709.
+/// Weights of linear red, green and blue in luminance: Rec. 709.
+pub(crate) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+
 pub(crate) fn luminance(color: DVec3) -> f64 {
-    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+    color.dot(LUMINANCE)
 }
 
 pub(crate) fn color(rgb: [f32; 3]) -> DVec3 {

@@ -27,17 +27,17 @@
 //!
 //! | method | use it for | do not use it for |
 //! |---|---|---|
-//! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lamps behind shades: 2 to 3.7 times less squared error in equal time | open scenes, and doors ajar: 0.6 to 1.1 times |
+//! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades: 2 to 3.7 times less squared error in equal time | open scenes, and doors ajar: 0.6 to 1.1 times |
 //! | `caustics` | light that metal throws onto matte surfaces, where paths leave bright dots | scenes without polished metal: photons find nothing to do |
 //! | `media` | fog in the reference image | fog in `time`: paths in fog carry no lengths |
 //! | `time` | transient images; what multipath does to a time-of-flight camera | still images: the same picture for more memory |
-//! | `coded` | stripes that blinking lamps draw in a rolling shutter, and codes in them | cameras with a global shutter |
+//! | `coded` | stripes that blinking lights draw in a rolling shutter, and codes in them | cameras with a global shutter |
 //! | `inverse` | tests of light transport: dual images, sources from the light they leave | pictures |
 //!
 //! Densities of caustics: the nearest 50 photons up to 100,000 of them, radii that adapt to the
 //! photons above.
 //!
-//! Mitsuba 3.9.1 has the same means within 0.15 % for a lamp in a closed room, empty and in three
+//! Mitsuba 3.9.1 has the same means within 0.15 % for an area light in a closed room, empty and in three
 //! fogs, and `mitransient` 1.3.1 the same light by nanosecond within noise.
 
 pub mod bsdf;

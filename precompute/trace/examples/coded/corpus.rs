@@ -18,10 +18,10 @@ const STRIPS: u16 = 4;
 /// Pictures of each of the three kinds.
 pub(crate) const KINDS: [(&str, u64); 3] = [("noise", 50), ("pattern", 50), ("room", 100)];
 
-/// A picture: its light by a lamp, and by all that is not modulated.
+/// A picture: its light by a modulated light, and by all that is not modulated.
 pub(crate) struct Case {
     pub(crate) kind: &'static str,
-    pub(crate) lamp: Radiance,
+    pub(crate) modulated: Radiance,
     pub(crate) ambient: Radiance,
     /// Random numbers for what follows.
     pub(crate) random: Random,
@@ -60,7 +60,7 @@ pub(crate) fn all(seed: u64) -> impl Iterator<Item = Case> {
 fn one(kind: &'static str, seed: u64, i: u64) -> Case {
     let mut random = Random::new(seed * 1000 + i + u64::from(kind.as_bytes()[0]) * 1_000_000);
     let unlit = random.between(0.0, 0.5);
-    let (lamp, ambient) = if kind == "room" {
+    let (modulated, ambient) = if kind == "room" {
         room(&mut random)
     } else {
         let flat = if kind == "noise" { noise(&mut random) } else { pattern(&mut random) };
@@ -80,7 +80,7 @@ fn one(kind: &'static str, seed: u64, i: u64) -> Case {
         };
         (of(1.0 - unlit), of(unlit))
     };
-    Case { kind, lamp, ambient, random }
+    Case { kind, modulated, ambient, random }
 }
 
 /// Reflectance in [0.02, 1] at a point; both coordinates run to 1 over the image's height.
@@ -131,7 +131,7 @@ fn pattern(random: &mut Random) -> Flat {
     })
 }
 
-/// A room whose walls, floor and box have textures, by a lamp and by a sky through its open front.
+/// A room whose walls, floor and box have textures, by a light and by a sky through its open front.
 fn room(random: &mut Random) -> (Radiance, Radiance) {
     let mut geometry = SceneGeometry::default();
     for material in 0..4 {
@@ -175,9 +175,8 @@ fn room(random: &mut Random) -> (Radiance, Radiance) {
             random.between(0.5, 4.0) as f32,
         )
     };
-    let (lamp, target) = (place(1.8, 2.4), place(0.0, 2.0).with_z(0.0));
-    let light =
-        Light::Point { position: lamp, luminous_power: 3000.0, range: 30.0, color: [1.0; 3] };
+    let (position, target) = (place(1.8, 2.4), place(0.0, 2.0).with_z(0.0));
+    let light = Light::Point { position, luminous_power: 3000.0, range: 30.0, color: [1.0; 3] };
     let toward = CameraPose::looking_at(Vec3::new(2.0, 1.4, 4.8), target);
     // Strips from left to right, as many as the detector has blocks beside each other.
     let views: Vec<View> = (0..STRIPS)

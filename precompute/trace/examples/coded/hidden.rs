@@ -11,10 +11,10 @@ pub(crate) const READ_OUT: f64 = 30_000.0;
 /// The picture without a code.
 pub(crate) fn clean(case: &Case) -> Result<Radiance, CodedError> {
     let steady = vec![1.0; SIZE.y as usize];
-    compose(&[(&case.lamp, [&steady; 3]), (&case.ambient, [&steady; 3])])
+    compose(&[(&case.modulated, [&steady; 3]), (&case.ambient, [&steady; 3])])
 }
 
-/// The picture under a lamp with the code `codes[i]` in channel i, exposed for `exposure` seconds
+/// The picture under a light with the code `codes[i]` in channel i, exposed for `exposure` seconds
 /// from a random time on.
 pub(crate) fn coded(
     case: &mut Case,
@@ -29,5 +29,5 @@ pub(crate) fn coded(
     };
     let [red, green, blue] = codes.map(profile);
     let steady = vec![1.0; SIZE.y as usize];
-    compose(&[(&case.lamp, [&red?, &green?, &blue?]), (&case.ambient, [&steady; 3])])
+    compose(&[(&case.modulated, [&red?, &green?, &blue?]), (&case.ambient, [&steady; 3])])
 }

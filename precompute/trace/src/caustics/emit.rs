@@ -4,16 +4,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::map::{Photon, PhotonMap};
-use super::split::Caustics;
+use super::split::{Caustics, Reflected};
 use crate::bsdf::{Bsdf, Surface};
 use crate::color::luminance;
-use crate::integrator::{Emission, ReferenceScene, Settings, Start};
+use crate::integrator::{Emission, GREATEST_SURVIVAL, ReferenceScene, Settings, Start};
 use crate::sampler::Sampler;
 
 /// Photons that are traced one after the other.
 const CHUNK: u32 = 4096;
-/// Greatest survival probability: even where nothing is absorbed, a photon ends.
-const GREATEST_SURVIVAL: f64 = 0.95;
 /// Random numbers that are not those of the image.
 const SEED: u64 = 0xc2b2_ae3d_27d4_eb4f;
 
@@ -103,16 +101,11 @@ fn scatter(
     towards: DVec3,
     sampler: &mut Sampler,
 ) -> Option<(DVec3, DVec3, bool)> {
-    let next = bsdf.sample(sampler)?.direction;
-    let parts = caustics.parts(bsdf, surface, next)?;
-    let share = parts.specular_share()?;
-    let is_specular = sampler.number() < share;
-    let reflected =
-        if is_specular { parts.specular / share } else { parts.diffuse / (1.0 - share) };
+    let Reflected { direction: next, bsdf, density, is_specular, .. } =
+        caustics.sample(bsdf, surface, sampler)?;
     // Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 5.3: the
     // shading normal's cosine belongs to the end that the light comes from.
     let arriving = towards.dot(surface.normal) / towards.dot(surface.geometric_normal);
-    let weight =
-        reflected * (next.dot(surface.geometric_normal) / parts.density * arriving.max(0.0));
+    let weight = bsdf * (next.dot(surface.geometric_normal) / density * arriving.max(0.0));
     weight.is_finite().then_some((weight, next, is_specular))
 }

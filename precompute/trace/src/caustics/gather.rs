@@ -8,11 +8,9 @@ use super::map::{Photon, PhotonMap};
 use super::split::Caustics;
 use crate::bsdf::{Bsdf, Surface};
 use crate::color::luminance;
-use crate::integrator::{ReferenceScene, Settings};
+use crate::integrator::{GREATEST_SURVIVAL, ReferenceScene, Settings};
 use crate::sampler::Sampler;
 
-/// Greatest survival probability.
-const GREATEST_SURVIVAL: f64 = 0.95;
 /// Greatest ratio of a photon's cosines to shading and to geometric normal.
 const GREATEST_RATIO: f64 = 4.0;
 
@@ -58,8 +56,8 @@ pub(super) fn points<'a>(
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
         let next = caustics.is_specular(&surface).then(|| {
             let next = bsdf.sample(sampler)?.direction;
-            let parts = caustics.parts(&bsdf, &surface, next)?;
-            let weight = parts.specular * (parts.cosine / parts.density);
+            let lobes = caustics.lobes(&bsdf, &surface, next)?;
+            let weight = lobes.specular * (lobes.cosine / lobes.density);
             let survival = luminance(weight).min(GREATEST_SURVIVAL);
             (sampler.number() < survival).then(|| (weight / survival, next))
         });
@@ -126,12 +124,12 @@ impl Point<'_> {
             return DVec3::ZERO;
         }
         let direction = photon.direction.as_dvec3();
-        let Some(parts) = caustics.parts(&self.bsdf, &self.surface, direction) else {
+        let Some(lobes) = caustics.lobes(&self.bsdf, &self.surface, direction) else {
             return DVec3::ZERO;
         };
         // Photons already are fewer by the geometric normal's cosine.
-        let ratio = parts.cosine / direction.dot(self.surface.geometric_normal);
-        let reflected = self.throughput * parts.diffuse * ratio.min(GREATEST_RATIO);
+        let ratio = lobes.cosine / direction.dot(self.surface.geometric_normal);
+        let reflected = self.throughput * lobes.diffuse * ratio.min(GREATEST_RATIO);
         reflected * photon.power.as_dvec3()
     }
 }

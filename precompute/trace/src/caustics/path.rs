@@ -4,18 +4,13 @@ use glam::{DVec3, Vec3};
 
 use super::split::Caustics;
 use crate::bsdf::{Bsdf, Surface};
-use crate::integrator::{ReferenceScene, Settings, extended, per_steradian, punctual};
+use crate::integrator::{
+    CERTAIN_SURFACES, GREATEST_SURVIVAL, ReferenceScene, Settings, extended, per_steradian,
+    punctual,
+};
 use crate::sampler::Sampler;
 
-/// Hits before Russian roulette begins, for paths of unlimited length.
-const CERTAIN_SURFACES: u32 = 4;
-/// Greatest survival probability.
-const GREATEST_SURVIVAL: f64 = 0.95;
-
 /// One estimate of the radiance along a camera ray, nits, without the light that photons bring.
-///
-/// Directions are sampled by the whole BSDF, and only then it is drawn which part reflected the
-/// light, in proportion to the parts: this costs no variance but that of their colours.
 pub(super) fn trace(
     scene: &ReferenceScene,
     settings: &Settings,
@@ -55,9 +50,9 @@ pub(super) fn trace(
         origin = surface.ray_origin();
         let without_specular = caustics.brings(diffuse);
         let evaluate = |direction| {
-            caustics.parts(&bsdf, &surface, direction).map_or((DVec3::ZERO, 0.0), |parts| {
-                let specular = if without_specular { DVec3::ZERO } else { parts.specular };
-                ((parts.diffuse + specular) * parts.cosine, parts.density)
+            caustics.lobes(&bsdf, &surface, direction).map_or((DVec3::ZERO, 0.0), |lobes| {
+                let specular = if without_specular { DVec3::ZERO } else { lobes.specular };
+                ((lobes.diffuse + specular) * lobes.cosine, lobes.density)
             })
         };
         sum += throughput * punctual(scene, evaluate, surface.position, origin, &mut |_, _| ());
@@ -65,15 +60,11 @@ pub(super) fn trace(
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
             break;
         }
-        let Some(sample) = bsdf.sample(sampler) else { break };
-        let Some(parts) = caustics.parts(&bsdf, &surface, sample.direction) else { break };
-        let Some(share) = parts.specular_share() else { break };
-        let is_specular = sampler.number() < share;
-        let part = if is_specular { parts.specular / share } else { parts.diffuse / (1.0 - share) };
-        throughput *= part * (parts.cosine / parts.density);
-        is_brought = is_specular && without_specular;
-        diffuse += u32::from(!is_specular);
-        (direction, density) = (sample.direction, Some(sample.density));
+        let Some(next) = caustics.sample(&bsdf, &surface, sampler) else { break };
+        throughput *= next.bsdf * (next.cosine / next.density);
+        is_brought = next.is_specular && without_specular;
+        diffuse += u32::from(!next.is_specular);
+        (direction, density) = (next.direction, Some(next.density));
         if settings.bounces.is_none() && surfaces + 1 >= CERTAIN_SURFACES {
             let survival = throughput.max_element().min(GREATEST_SURVIVAL);
             if sampler.number() >= survival {

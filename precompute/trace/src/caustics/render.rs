@@ -8,7 +8,7 @@ use super::gather::points;
 use super::path::trace;
 use super::radius::Progress;
 use super::split::{Caustics, Density};
-use crate::integrator::{Pixels, ReferenceScene, Settings, View, Watch};
+use crate::integrator::{ReferenceScene, Settings, View, Watch, sum};
 use crate::metrics::Radiance;
 use crate::sampler::Sampler;
 
@@ -32,9 +32,7 @@ impl CausticRendering {
     /// All light, nits.
     #[must_use]
     pub fn full(&self) -> Radiance {
-        let sum = |(a, b): (&[f32; 3], &[f32; 3])| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-        let rgb = self.paths.rgb.iter().zip(&self.photons.rgb).map(sum).collect();
-        Radiance { rgb, ..self.paths }
+        sum(&self.paths, &self.photons)
     }
 }
 
@@ -55,7 +53,8 @@ pub fn render(
             let (mut sum, mut count) = (DVec3::ZERO, 0_u32);
             for sample in 0..settings.samples {
                 let mut sampler = Sampler::new(settings.seed, u64::from(pixel), sample);
-                let ray = ray(view, settings, pixel, &mut sampler);
+                let at = [pixel % view.size.x, pixel / view.size.x];
+                let ray = view.sampled_ray(settings.pixels, at, &mut sampler);
                 let light = trace(scene, settings, caustics, ray, &mut sampler);
                 if light.as_vec3().is_finite() {
                     sum += light;
@@ -109,7 +108,8 @@ pub fn photon_image(
             for sample in 0..rays {
                 let number = pixel as u64;
                 let mut sampler = Sampler::new(!settings.seed, number, pass * rays + sample);
-                let ray = ray(view, settings, pixel as u32, &mut sampler);
+                let at = [pixel as u32 % view.size.x, pixel as u32 / view.size.x];
+                let ray = view.sampled_ray(settings.pixels, at, &mut sampler);
                 let mut seen = Vec::new();
                 points(scene, settings, caustics, ray, &mut sampler, |point| seen.push(point));
                 progress.add(caustics, &map, f64::from(count), &seen, reach);
@@ -118,13 +118,6 @@ pub fn photon_image(
     }
     let finite = |light: DVec3| if light.as_vec3().is_finite() { light } else { DVec3::ZERO };
     Some(image(view, pixels.iter().map(|pixel| finite(pixel.mean()).as_vec3().to_array())))
-}
-
-fn ray(view: &View, settings: &Settings, pixel: u32, sampler: &mut Sampler) -> (glam::Vec3, DVec3) {
-    // Sampled in either case, so that the path uses the same random numbers.
-    let offset = sampler.pair();
-    let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
-    view.ray(f64::from(pixel % view.size.x) + right, f64::from(pixel / view.size.x) + down)
 }
 
 fn image(view: &View, rgb: impl Iterator<Item = [f32; 3]>) -> Radiance {

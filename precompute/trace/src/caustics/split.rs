@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use crate::bsdf::{Bsdf, Surface};
+use crate::bsdf::{Bsdf, Lobes, Surface};
 use crate::color::luminance;
+use crate::sampler::Sampler;
 
 /// How caustics are estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,27 +70,18 @@ impl Default for Caustics {
     }
 }
 
-/// The share of a BSDF's value that is diffuse and that is specular.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Parts {
-    /// BSDF.
-    pub(super) diffuse: DVec3,
-    /// BSDF.
-    pub(super) specular: DVec3,
-    /// To the shading normal.
+/// Light that one part of a BSDF reflects in a sampled direction.
+pub(super) struct Reflected {
+    /// Unit length.
+    pub(super) direction: DVec3,
+    /// BSDF of that part ÷ the probability of choosing it.
+    pub(super) bsdf: DVec3,
+    /// Cosine between direction and shading normal, above 0.
     pub(super) cosine: f64,
-    /// Of sampling, per steradian.
+    /// Density of the direction, per steradian.
     pub(super) density: f64,
-}
-
-impl Parts {
-    /// Probability of taking the specular part where one is chosen by luminance; `None` where both
-    /// are black.
-    pub(super) fn specular_share(&self) -> Option<f64> {
-        let (diffuse, specular) = (luminance(self.diffuse), luminance(self.specular));
-        let sum = diffuse + specular;
-        (sum > 0.0 && sum.is_finite()).then(|| specular / sum)
-    }
+    /// Whether it is the specular part.
+    pub(super) is_specular: bool,
 }
 
 impl Caustics {
@@ -104,15 +96,36 @@ impl Caustics {
         (1..=self.deposits.max(1)).contains(&diffuse)
     }
 
-    /// Both parts for light from `direction`; `None` where nothing is reflected.
-    pub(super) fn parts(&self, bsdf: &Bsdf, surface: &Surface, direction: DVec3) -> Option<Parts> {
+    /// The lobes for light from `direction`, with specular ones that count as diffuse among the
+    /// diffuse; `None` where nothing is reflected.
+    pub(super) fn lobes(&self, bsdf: &Bsdf, surface: &Surface, direction: DVec3) -> Option<Lobes> {
         let lobes = bsdf.lobes(direction)?;
-        let (diffuse, specular) = if self.is_specular(surface) {
-            (lobes.diffuse, lobes.specular)
+        Some(if self.is_specular(surface) {
+            lobes
         } else {
-            (lobes.diffuse + lobes.specular, DVec3::ZERO)
-        };
-        Some(Parts { diffuse, specular, cosine: lobes.cosine, density: lobes.density })
+            Lobes { diffuse: lobes.diffuse + lobes.specular, specular: DVec3::ZERO, ..lobes }
+        })
+    }
+
+    /// A direction by the whole BSDF, and only then which part reflects the light, in proportion to
+    /// the parts: this costs no variance but that of their colours. `None` where nothing is
+    /// reflected.
+    pub(super) fn sample(
+        &self,
+        bsdf: &Bsdf,
+        surface: &Surface,
+        sampler: &mut Sampler,
+    ) -> Option<Reflected> {
+        let direction = bsdf.sample(sampler)?.direction;
+        let Lobes { diffuse, specular, cosine, density } = self.lobes(bsdf, surface, direction)?;
+        let sum = luminance(diffuse) + luminance(specular);
+        if !(sum > 0.0 && sum.is_finite()) {
+            return None;
+        }
+        let share = luminance(specular) / sum;
+        let is_specular = sampler.number() < share;
+        let bsdf = if is_specular { specular / share } else { diffuse / (1.0 - share) };
+        Some(Reflected { direction, bsdf, cosine, density, is_specular })
     }
 
     /// Whether `surface` has no diffuse part.

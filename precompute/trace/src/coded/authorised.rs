@@ -1,4 +1,4 @@
-//! Lamps that one camera undoes.
+//! Lights that one camera undoes.
 
 use super::sequence::Sequence;
 use super::shutter::Shutter;
@@ -15,7 +15,7 @@ pub fn authorised_frequency(exposure: f64, periods: u32) -> Result<f64, CodedErr
     Ok(f64::from(periods) / exposure)
 }
 
-/// A lamp that knows one camera's exposure and clock: [flat](authorised_frequency) while a frame of
+/// A light that knows one camera's exposure and clock: [flat](authorised_frequency) while a frame of
 /// `camera` is exposed, and of `other` frequency, hertz, in the `gap`, seconds, until the next.
 /// Frames begin at multiples of its [period](Sequence::period).
 ///

@@ -3,15 +3,17 @@
 //! Exposure and read-out of a camera scale or blur all stripes alike; the ratio of their frequencies
 //! stays. Zhu et al. 2017, section on barcodes and algorithm 2.
 
-use glam::DVec2;
 use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
 
 use super::sequence::Sequence;
 use super::waveform::{CodedError, Waveform, positive};
+use crate::color::{LUMINANCE, color};
 use crate::fourier::Fourier;
 use crate::metrics::Radiance;
 
-/// The three published codes of one channel, hertz. A lamp of three channels sends all of them, one
+/// The three published codes of one channel, hertz. A light of three channels sends all of them, one
 /// in each.
 pub const CODES: [[f64; 3]; 3] =
     [[400.0, 600.0, 800.0], [1000.0, 1200.0, 1400.0], [1600.0, 1800.0, 2000.0]];
@@ -20,7 +22,7 @@ pub const CODES: [[f64; 3]; 3] =
 /// frequencies of a transform of the signal's own length.
 const PADDING: usize = 4;
 
-/// A lamp that shows each of a code's `frequencies`, hertz, for `dwell` seconds: at best a third of
+/// A light that shows each of a code's `frequencies`, hertz, for `dwell` seconds: at best a third of
 /// a frame, so that a block of rows sees one or two of them. `duty` and `peak` as of
 /// [`Waveform::new`].
 ///
@@ -134,11 +136,7 @@ impl Detector {
         if image.rgb.len() != expected || width < blocks || rows < 8 * blocks {
             return Err(CodedError::Size { what: "pixels", given: image.rgb.len(), expected });
         }
-        let weights: &[[f64; 3]] = if self.colors {
-            &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-        } else {
-            &[[0.2126, 0.7152, 0.0722]]
-        };
+        let weights: &[DVec3] = if self.colors { &DVec3::AXES } else { &[LUMINANCE] };
         let height = rows / blocks;
         let fourier = Fourier::at_least(height * PADDING);
         let mut frequencies = Vec::new();
@@ -148,7 +146,7 @@ impl Detector {
                     let columns = column * width / blocks..(column + 1) * width / blocks;
                     let mean = |y: usize| {
                         let pixels = &image.rgb[y * width..][columns.clone()];
-                        let sum: f64 = pixels.iter().map(|pixel| value(pixel, weight)).sum();
+                        let sum: f64 = pixels.iter().map(|pixel| value(*pixel, *weight)).sum();
                         sum / columns.len() as f64
                     };
                     let signal = (row * height..(row + 1) * height).map(mean).collect::<Vec<_>>();
@@ -221,8 +219,8 @@ fn spectrum(signal: &[f64], fourier: &Fourier) -> Vec<DVec2> {
     values
 }
 
-fn value(pixel: &[f32; 3], weights: &[f64; 3]) -> f64 {
-    let sum: f64 = pixel.iter().zip(weights).map(|(own, weight)| f64::from(*own) * weight).sum();
+fn value(pixel: [f32; 3], weights: DVec3) -> f64 {
+    let sum = color(pixel).dot(weights);
     if sum.is_finite() { sum } else { 0.0 }
 }
 

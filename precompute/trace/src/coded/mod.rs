@@ -1,12 +1,12 @@
 //! A rolling-shutter camera under modulated light.
 //!
-//! Zhu et al. 2017, "Automating Visual Privacy Protection Using a Smart LED" (`LiShield`): a lamp
+//! Zhu et al. 2017, "Automating Visual Privacy Protection Using a Smart LED" (`LiShield`): a light
 //! that blinks faster than the eye sees draws stripes in the image of a camera that exposes its rows
-//! one after another. Which stripes follows in closed form; so do lamps that no exposure undoes,
-//! lamps that one known camera undoes, and a code in the ratio of their frequencies.
+//! one after another. Which stripes follows in closed form; so do lights that no exposure undoes,
+//! lights that one known camera undoes, and a code in the ratio of their frequencies.
 //!
-//! Light is linear: an image under several lamps is the sum of the images of each lamp, with every
-//! row scaled by that lamp's [profile](Shutter::profile). That holds for indirect light too.
+//! Light is linear: an image under several lights is the sum of the images of each light, with every
+//! row scaled by that light's [profile](Shutter::profile). That holds for indirect light too.
 //!
 //! | module | job |
 //! |---|---|
@@ -15,7 +15,7 @@
 //! | `shutter` | rows of light, and images from them |
 //! | `stripes` | closed forms of stripes; what they do to an image |
 //! | `recovery` | how many frames undo random intensities |
-//! | `authorised` | lamps that one camera undoes |
+//! | `authorised` | lights that one camera undoes |
 //! | `barcode` | codes as ratios of frequencies, and their detector |
 
 mod authorised;

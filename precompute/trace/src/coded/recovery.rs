@@ -23,7 +23,7 @@ pub enum Draw {
 }
 
 impl Attack {
-    /// On a lamp of `duty` cycle in [0, 1] with `levels` levels of intensity, by a camera of `rows`
+    /// On a light of `duty` cycle in [0, 1] with `levels` levels of intensity, by a camera of `rows`
     /// rows; `channels` are modulated independently, 1 or 3.
     ///
     /// # Errors

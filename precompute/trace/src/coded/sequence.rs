@@ -145,7 +145,7 @@ impl Scramble {
         self.switch_rate / self.frequencies.len() as f64
     }
 
-    /// The light of a lamp with this pattern; arguments as of [`Waveform::new`].
+    /// A light with this pattern; arguments as of [`Waveform::new`].
     ///
     /// # Errors
     /// As [`Waveform::new`].

@@ -38,32 +38,32 @@ impl Shutter {
         self.rows
     }
 
-    /// Light of every row ÷ that of the same lamp without modulation, for a frame that begins at
-    /// `start`, seconds: 1 on average over whole periods. Zeros for a lamp that is off.
-    pub fn profile(&self, lamp: &impl Modulation, start: f64) -> Vec<f64> {
-        let steady = lamp.mean() * self.exposure;
+    /// Light of every row ÷ that of the same light without modulation, for a frame that begins at
+    /// `start`, seconds: 1 on average over whole periods. Zeros for a light that is off.
+    pub fn profile(&self, modulation: &impl Modulation, start: f64) -> Vec<f64> {
+        let steady = modulation.mean() * self.exposure;
         let row = |row: u32| {
-            let light = lamp.light(start + f64::from(row) * self.row_time, self.exposure);
+            let light = modulation.light(start + f64::from(row) * self.row_time, self.exposure);
             if steady > 0.0 { light / steady } else { 0.0 }
         };
         (0..self.rows).map(row).collect()
     }
 }
 
-/// The rolling-shutter image of lamps: for each its image under steady light, and the
-/// [profile](Shutter::profile) of each of its three channels. What every lamp sends by way of
+/// The rolling-shutter image of lights: for each its image under steady light, and the
+/// [profile](Shutter::profile) of each of its three channels. What every light sends by way of
 /// surfaces, however many, is modulated with it.
 ///
 /// # Errors
-/// [`CodedError::Size`] when there is no lamp, images differ in size, or a profile does not have as
+/// [`CodedError::Size`] when there is no light, images differ in size, or a profile does not have as
 /// many rows as its image.
-pub fn compose(lamps: &[(&Radiance, [&[f64]; 3])]) -> Result<Radiance, CodedError> {
-    let Some(((first, _), _)) = lamps.split_first() else {
-        return Err(CodedError::Size { what: "lamps", given: 0, expected: 1 });
+pub fn compose(lights: &[(&Radiance, [&[f64]; 3])]) -> Result<Radiance, CodedError> {
+    let Some(((first, _), _)) = lights.split_first() else {
+        return Err(CodedError::Size { what: "lights", given: 0, expected: 1 });
     };
     let (width, pixels) = (first.width.max(1) as usize, first.rgb.len());
     let mut rgb = vec![[0.0; 3]; pixels];
-    for (image, profiles) in lamps {
+    for (image, profiles) in lights {
         if image.width != first.width || image.rgb.len() != pixels {
             let given = image.rgb.len();
             return Err(CodedError::Size { what: "pixels", given, expected: pixels });

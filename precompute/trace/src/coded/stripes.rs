@@ -65,11 +65,11 @@ pub fn deviation(profile: &[f64]) -> f64 {
     (profile.iter().map(|row| (row / mean - 1.0).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// The exposure, among `exposures`, seconds, at which a lamp's stripes are faintest, and their
-/// [deviation]: what an attacker who may choose the exposure is left with. A good lamp has a large
+/// The exposure, among `exposures`, seconds, at which a light's stripes are faintest, and their
+/// [deviation]: what an attacker who may choose the exposure is left with. A good light has a large
 /// one. Exposures that are out of range are left out; `None` without any.
 pub fn worst_exposure(
-    lamp: &impl Modulation,
+    modulation: &impl Modulation,
     exposures: impl IntoIterator<Item = f64>,
     row_time: f64,
     rows: u32,
@@ -77,7 +77,7 @@ pub fn worst_exposure(
     let shutters =
         exposures.into_iter().filter_map(|exposure| Shutter::new(exposure, row_time, rows).ok());
     shutters
-        .map(|shutter| (shutter.exposure(), deviation(&shutter.profile(lamp, 0.0))))
+        .map(|shutter| (shutter.exposure(), deviation(&shutter.profile(modulation, 0.0))))
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 

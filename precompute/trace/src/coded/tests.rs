@@ -1,4 +1,4 @@
-//! Closed forms against quadrature, and the claims about lamps, each in a sweep.
+//! Closed forms against quadrature, and the claims about lights, each in a sweep.
 
 use super::*;
 use crate::metrics::Radiance;
@@ -137,11 +137,12 @@ fn scrambling_leaves_no_good_exposure_below_a_whole_pattern() {
         worst_exposure(&wave(200.0, 0.5, 0.0), exposures(), row_time, rows).expect("exposures");
     assert!(single.1 < 1e-9, "one frequency is undone by one exposure: {single:?}");
     for step in [10.0, 25.0, best_step(0.01), 75.0, 100.0] {
-        let lamp = Scramble::new(2, 200.0, step).and_then(|scramble| scramble.sequence(0.5, 1.0));
-        let lamp = lamp.expect("a lamp");
-        let found = worst_exposure(&lamp, exposures(), row_time, rows).expect("exposures");
+        let modulation =
+            Scramble::new(2, 200.0, step).and_then(|scramble| scramble.sequence(0.5, 1.0));
+        let modulation = modulation.expect("a light");
+        let found = worst_exposure(&modulation, exposures(), row_time, rows).expect("exposures");
         assert!(found.1 > 0.04, "{step}: {found:?}");
-        let whole = worst_exposure(&lamp, [0.01], row_time, rows).expect("an exposure");
+        let whole = worst_exposure(&modulation, [0.01], row_time, rows).expect("an exposure");
         assert!(whole.1 < 1e-9, "{step}: {whole:?}");
     }
 }
@@ -152,11 +153,12 @@ fn scrambled_light_does_not_flicker() {
         let scramble = Scramble::new(count, rate, 50.0).expect("published");
         assert_eq!(scramble.pattern_rate(), 100.0);
         assert_eq!(scramble.frequencies().len(), count as usize);
-        let lamp = scramble.sequence(0.5, 1.0).expect("a lamp");
+        let modulation = scramble.sequence(0.5, 1.0).expect("a light");
         // At a multiple of 100 Hz, so that no harmonic is mistaken for a lower one.
         let (count, rate) = (16_384, 12_800.0);
         let fourier = crate::fourier::Fourier::at_least(count);
-        let sample = |i: usize| glam::DVec2::new(lamp.light(i as f64 / rate, 1.0 / rate), 0.0);
+        let sample =
+            |i: usize| glam::DVec2::new(modulation.light(i as f64 / rate, 1.0 / rate), 0.0);
         let mut lines: Vec<glam::DVec2> = (0..count).map(sample).collect();
         fourier.forward(&mut lines);
         let greatest = |from: f64, to: f64| {
@@ -225,9 +227,9 @@ fn a_simulated_attack_succeeds_as_often_as_the_formulas_say() {
 
 #[test]
 fn random_intensities_stay_within_their_levels() {
-    let lamp = Sequence::random_intensities(500.0, 0.5, 8.0, 4, 400, 3).expect("a lamp");
+    let modulation = Sequence::random_intensities(500.0, 0.5, 8.0, 4, 400, 3).expect("a light");
     let peaks: Vec<f64> =
-        (0..400).map(|i| lamp.light(f64::from(i) / 500.0, 0.001) / 0.001).collect();
+        (0..400).map(|i| modulation.light(f64::from(i) / 500.0, 0.001) / 0.001).collect();
     for level in [2.0, 4.0, 6.0, 8.0] {
         let count = peaks.iter().filter(|peak| (**peak - level).abs() < 1e-6).count();
         // 100 of 400 expected, standard deviation 8.7.
@@ -240,13 +242,13 @@ fn random_intensities_stay_within_their_levels() {
 #[test]
 fn one_camera_is_let_in_and_others_are_not() {
     let own = shutter(0.005, 1.0 / 75_000.0, 2448);
-    let lamp = dynamic(&own, 5, 0.004, 300.0, 0.5, 1.0).expect("a lamp");
+    let modulation = dynamic(&own, 5, 0.004, 300.0, 0.5, 1.0).expect("a light");
     for frame in [0.0, 1.0, 7.0] {
-        let own = own.profile(&lamp, frame * lamp.period());
+        let own = own.profile(&modulation, frame * modulation.period());
         assert!(deviation(&own) < 1e-9, "{frame}");
     }
     let other = shutter(0.0035, 1.0 / 75_000.0, 2448);
-    assert!(deviation(&other.profile(&lamp, 0.0)) > 0.05);
+    assert!(deviation(&other.profile(&modulation, 0.0)) > 0.05);
 
     for (duty, count) in [(0.5, 2), (0.25, 4), (0.5, 6)] {
         let frames = critical_frames(317.0, duty, 1.0, count).expect("frames");
@@ -289,9 +291,9 @@ fn ratios_survive_any_exposure_and_read_out() {
         [(1.0 / 30_000.0, 1024), (1.0 / 75_000.0, 2448), (1.0 / 100_000.0, 3200)]
     {
         for exposure in [1.0 / 8000.0, 1.0 / 3000.0, 1.0 / 1100.0] {
-            let lamp =
+            let modulation =
                 barcode(&CODES[0], f64::from(rows) * row_time / 3.0, 0.5, 1.0).expect("code");
-            let profile = shutter(exposure, row_time, rows).profile(&lamp, 0.123);
+            let profile = shutter(exposure, row_time, rows).profile(&modulation, 0.123);
             let image = compose(&[(&grey(rows), [&profile; 3])]).expect("fits");
             // The detector does not know the read-out: its band must hold what it takes 75 kHz for.
             let wide = Detector { band: [100.0, 15_000.0], ..detector };

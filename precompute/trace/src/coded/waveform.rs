@@ -1,6 +1,6 @@
 //! A square wave and its integral.
 
-/// Why there is no such lamp, camera or attack.
+/// Why there is no such light, camera or attack.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CodedError {
@@ -54,7 +54,7 @@ pub trait Modulation {
     fn mean(&self) -> f64;
 }
 
-/// A lamp that is keyed on and off: on at `peak` for the share `duty` of each period.
+/// A light that is keyed on and off: on at `peak` for the share `duty` of each period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waveform {
     frequency: f64,
@@ -65,7 +65,7 @@ pub struct Waveform {
 
 impl Waveform {
     /// `frequency` in hertz, above 0; `duty` in [0, 1]; `phase` in periods, any number: at time 0
-    /// the lamp is that far in its period, which begins with light; `peak` of any unit, at least 0.
+    /// the light is that far in its period, which begins with light; `peak` of any unit, at least 0.
     ///
     /// # Errors
     /// [`CodedError::OutOfRange`] when one is out of range or not finite.

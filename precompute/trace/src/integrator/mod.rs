@@ -35,11 +35,13 @@ pub(crate) use lights::per_steradian;
 #[cfg(feature = "time")]
 pub(crate) use path::{Arrival, Record};
 #[cfg(feature = "caustics")]
-pub(crate) use path::{extended, punctual};
+pub(crate) use path::{CERTAIN_SURFACES, GREATEST_SURVIVAL, extended, punctual};
 #[cfg(feature = "caustics")]
 pub(crate) use photons::{Emission, Start};
 #[cfg(feature = "time")]
 pub(crate) use render::render_recorded;
+#[cfg(feature = "caustics")]
+pub(crate) use render::sum;
 pub use render::{Rendering, Watch, render};
 pub use scene::ReferenceScene;
 pub use settings::{Guide, Pixels, Settings, Strategy};

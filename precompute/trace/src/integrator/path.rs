@@ -11,9 +11,9 @@ use crate::guide::Field;
 use crate::sampler::Sampler;
 
 /// Hits before Russian roulette begins, for paths of unlimited length.
-pub(super) const CERTAIN_SURFACES: u32 = 4;
+pub(crate) const CERTAIN_SURFACES: u32 = 4;
 /// Greatest survival probability: even where nothing is absorbed, a path ends.
-pub(super) const GREATEST_SURVIVAL: f64 = 0.95;
+pub(crate) const GREATEST_SURVIVAL: f64 = 0.95;
 
 /// One estimate of the radiance along a camera ray, nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -7,6 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3};
 
+use super::path::GREATEST_SURVIVAL;
 use super::scene::ReferenceScene;
 use super::settings::{Settings, Strategy};
 use crate::bsdf::{Bsdf, Surface, is_cut_out};
@@ -18,8 +19,6 @@ use crate::scene::{Hit, Side};
 
 /// Metres to where parallel light is taken to come from.
 const FAR: f64 = 1e4;
-/// Greatest survival probability.
-const GREATEST_SURVIVAL: f64 = 0.95;
 
 /// All lights, as sources of photons.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::learn::learn;
 use super::path::{Record, trace};
 use super::scene::ReferenceScene;
-use super::settings::{Guide, Pixels, Settings};
+use super::settings::{Guide, Settings};
 use super::view::View;
 use crate::guide::Field;
 use crate::metrics::Radiance;
@@ -58,7 +58,8 @@ impl Rendering {
     }
 }
 
-fn sum(a: &Radiance, b: &Radiance) -> Radiance {
+/// The sum of two images of one size.
+pub(crate) fn sum(a: &Radiance, b: &Radiance) -> Radiance {
     let rgb =
         a.rgb.iter().zip(&b.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
     Radiance { rgb, ..*a }
@@ -137,10 +138,7 @@ fn pixel(
     let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
     for sample in 0..settings.samples {
         let mut sampler = Sampler::new(settings.seed, number, sample);
-        // Sampled in either case, so that the path uses the same random numbers.
-        let offset = sampler.pair();
-        let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
-        let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
+        let (origin, direction) = view.sampled_ray(settings.pixels, [x, y], &mut sampler);
         record.begin(origin.as_dvec3().distance(view.pose.position.as_dvec3()));
         let estimate = trace(scene, settings, field, origin, direction, &mut sampler, record);
         let fits = estimate.fits_f32();

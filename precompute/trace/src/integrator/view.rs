@@ -4,7 +4,9 @@ use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 
 use super::scene::ReferenceScene;
+use super::settings::Pixels;
 use crate::bsdf::Surface;
+use crate::sampler::Sampler;
 use crate::scene::CameraPose;
 
 /// A camera's pose, lens and resolution.
@@ -49,6 +51,19 @@ impl View {
     /// The [ray](Self::ray) through the centre of a pixel, counted row by row.
     fn middle_ray(&self, index: u32) -> (Vec3, DVec3) {
         self.ray(f64::from(index % self.size.x) + 0.5, f64::from(index / self.size.x) + 0.5)
+    }
+
+    /// The [ray](Self::ray) of a sample of the pixel at `x` and `y`.
+    pub(crate) fn sampled_ray(
+        &self,
+        pixels: Pixels,
+        [x, y]: [u32; 2],
+        sampler: &mut Sampler,
+    ) -> (Vec3, DVec3) {
+        // Sampled in either case, so that the path uses the same random numbers.
+        let offset = sampler.pair();
+        let [right, down] = if pixels == Pixels::Middle { [0.5; 2] } else { offset };
+        self.ray(f64::from(x) + right, f64::from(y) + down)
     }
 
     /// Origin (on the near plane) and unit direction of the ray through a point of the image, in

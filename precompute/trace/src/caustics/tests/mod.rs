@@ -24,7 +24,7 @@ fn metal() -> SceneMaterial {
     SceneMaterial { metallic: 1.0, perceptual_roughness: 0.2, ..matte(0.9) }
 }
 
-fn lamp() -> SceneMaterial {
+fn emitter() -> SceneMaterial {
     SceneMaterial { emissive: [1000.0, 800.0, 600.0], ..matte(0.0) }
 }
 
@@ -53,7 +53,7 @@ fn square(builder: &mut MeshBuilder, half: f32, height: f32) {
     ]);
 }
 
-/// A matte floor, a metal mirror that stands on it, and a large lamp over them.
+/// A matte floor, a metal mirror that stands on it, and a large light over them.
 fn room() -> ReferenceScene {
     scene(&room_parts(metal()), &[], Sky::Black)
 }
@@ -62,7 +62,7 @@ fn room_parts(mirror: SceneMaterial) -> [Part; 3] {
     [
         (matte(0.7), |builder| square(builder, 2.0, 0.0)),
         (mirror, |builder| builder.icosphere(Vec3::new(0.0, 0.6, -0.6), 0.5, 3, false)),
-        (lamp(), |builder| {
+        (emitter(), |builder| {
             builder.cuboid(Vec3::new(-1.5, 2.0, -1.5), Vec3::new(1.5, 2.1, 1.5));
         }),
     ]
@@ -146,11 +146,11 @@ fn both_parts_sum_to_all_light_of_mixed_surfaces_points_and_skies() {
 
 #[test]
 fn scaling_the_scene_changes_nothing() {
-    // Radiance of a lamp does not depend on scale; single precision rounds.
+    // Radiance of a light does not depend on scale; single precision rounds.
     let large: [Part; 3] = [
         (matte(0.7), |builder| square(builder, 16.0, 0.0)),
         (metal(), |builder| builder.icosphere(Vec3::new(0.0, 4.8, -4.8), 4.0, 3, false)),
-        (lamp(), |builder| {
+        (emitter(), |builder| {
             builder.cuboid(Vec3::new(-12.0, 16.0, -12.0), Vec3::new(12.0, 16.8, 12.0));
         }),
     ];
