@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
 //! | `plan` | a scene from above, as SVG |
-//! | `plot` | SVG plots: points, curves and names over linear or logarithmic axes; bars |
+//! | `plot` | SVG plots: curves and names over linear or logarithmic axes; bars |
 //! | `evaluation` | `frugal evaluate` |
 //! | `map` | `frugal inspect` |
 //! | `search` | `frugal precompute`: cameras, error at equal power, influence of knobs, calibration, effort |

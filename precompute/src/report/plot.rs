@@ -4,13 +4,15 @@
 //! stand out from white as well as from near black (contrast 3 : 1 or more on both), so that one
 //! drawing suits light and dark pages.
 
-use std::collections::HashSet;
 use std::ops::Range;
 
 use frugal_core::frontier::Frontier;
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
 use plotters::coord::combinators::BindKeyPoints;
-use plotters::coord::ranged1d::{AsRangedCoord, IntoSegmentedCoord, SegmentValue, ValueFormatter};
+use plotters::coord::ranged1d::{
+    AsRangedCoord, IntoSegmentedCoord, Ranged, SegmentValue, ValueFormatter,
+};
 use plotters::prelude::*;
 use plotters::style::Color as _;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -104,13 +106,11 @@ pub(crate) struct Mark {
     pub color: Color,
 }
 
-/// Points, curves and named marks over two axes.
+/// Curves and named marks over two axes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Plot<'a> {
     /// For readers who do not see it.
     pub label: &'a str,
-    /// Points in the background; those on one pixel are drawn once.
-    pub dots: &'a [(f64, f64)],
     /// Drawn from the last to the first: the first is on top.
     pub curves: &'a [Curve],
     /// On top of all.
@@ -131,6 +131,7 @@ pub(crate) struct Bar {
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
 /// A frontier as a step function, power against error: no settings below or left of it were found.
 pub(crate) fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     let mut corners = Vec::new();
@@ -151,11 +152,11 @@ impl Plot<'_> {
     pub(crate) fn svg(&self, axes: [Axis<'_>; 2]) -> Result<String, ReportError> {
         let all = || {
             let curves = self.curves.iter().flat_map(|curve| &curve.points);
-            self.dots.iter().chain(curves).copied().chain(self.marks.iter().map(|mark| mark.at))
+            curves.copied().chain(self.marks.iter().map(|mark| mark.at))
         };
         let limit = self.limit.filter(|limit| limit.is_finite());
-        let xs = self.range(all().map(|point| point.0), axes[0].is_log, false);
-        let ys = self.range(all().map(|point| point.1).chain(limit), axes[1].is_log, true);
+        let xs = axis_range(all().map(|point| point.0), axes[0].is_log, false);
+        let ys = axis_range(all().map(|point| point.1).chain(limit), axes[1].is_log, true);
         let (x_range, y_range) = (xs.0..xs.1, ys.0..ys.1);
         let log = |range: &Range<f64>| range.clone().log_scale().with_key_points(ticks(range));
         draw(self.label, |area| match axes.map(|axis| axis.is_log) {
@@ -164,21 +165,6 @@ impl Plot<'_> {
             [true, false] => self.paint(area, axes, log(&x_range), y_range),
             [true, true] => self.paint(area, axes, log(&x_range), log(&y_range)),
         })
-    }
-
-    /// The range of an axis.
-    fn range(
-        &self,
-        values: impl Iterator<Item = f64>,
-        is_log: bool,
-        from_zero: bool,
-    ) -> (f64, f64) {
-        if !is_log {
-            return range(values, from_zero);
-        }
-        let (low, high) = range(values.filter(|value| *value > 0.0).map(f64::log10), false);
-        // A map may hold an error of 1e-12 beside one of 0.1.
-        (10f64.powf(low.max(high - MOST_DECADES)), 10f64.powf(high))
     }
 
     fn paint<X, Y>(
@@ -193,13 +179,8 @@ impl Plot<'_> {
         Y: AsRangedCoord<Value = f64, CoordDescType: ValueFormatter<f64>>,
     {
         let mut chart = chart(area, 72).build_cartesian_2d(xs, ys).map_err(failed)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(BLACK.mix(0.12))
-            .axis_style(BLACK.mix(0.5))
-            .label_style(FONT.into_font().color(&BLACK))
-            .axis_desc_style(FONT.into_font().color(&BLACK))
+        let mut mesh = chart.configure_mesh();
+        quiet(&mut mesh)
             .x_labels(7)
             .y_labels(6)
             .x_label_formatter(&|value| short(*value))
@@ -213,13 +194,6 @@ impl Plot<'_> {
             let inside = (x.max(ends.0.start), y.max(ends.1.start));
             (x.is_finite() && y.is_finite()).then_some(inside)
         };
-        let mut seen = HashSet::new();
-        let dots = self.dots.iter().filter_map(visible);
-        let dots: Vec<_> = dots.filter(|point| seen.insert(chart.backend_coord(point))).collect();
-        let style = Color::GREY.rgb().mix(0.55).filled();
-        chart
-            .draw_series(dots.into_iter().map(|point| Circle::new(point, 2, style)))
-            .map_err(failed)?;
         for curve in self.curves.iter().rev() {
             let style = curve.color.rgb().stroke_width(curve.width);
             let points = curve.points.iter().filter_map(visible);
@@ -258,6 +232,16 @@ impl Plot<'_> {
         }
         Ok(())
     }
+}
+
+/// The range of an axis, from 0 if `from_zero` and not logarithmic.
+fn axis_range(values: impl Iterator<Item = f64>, is_log: bool, from_zero: bool) -> (f64, f64) {
+    if !is_log {
+        return range(values, from_zero);
+    }
+    let (low, high) = range(values.filter(|value| *value > 0.0).map(f64::log10), false);
+    // A map may hold an error of 1e-12 beside one of 0.1.
+    (10f64.powf(low.max(high - MOST_DECADES)), 10f64.powf(high))
 }
 
 /// 1, 2 and 5 of each power of ten, or the powers alone where there are many.
@@ -300,14 +284,9 @@ pub(crate) fn bars(
         let mut chart = chart(area, 196)
             .build_cartesian_2d(low..high, (0..count - 1).into_segmented())
             .map_err(failed)?;
-        chart
-            .configure_mesh()
+        let mut mesh = chart.configure_mesh();
+        quiet(&mut mesh)
             .disable_y_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(BLACK.mix(0.12))
-            .axis_style(BLACK.mix(0.5))
-            .label_style(FONT.into_font().color(&BLACK))
-            .axis_desc_style(FONT.into_font().color(&BLACK))
             .x_labels(6)
             .y_labels(count)
             .x_desc(axis)
@@ -348,6 +327,17 @@ fn draw(
         1,
     );
     Ok(svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{}\" ", escape(label)), 1))
+}
+
+/// Thin axes and lines, in the page's own colour.
+fn quiet<'m, 'a, 'b, 'c, X: Ranged, Y: Ranged>(
+    mesh: &'m mut MeshStyle<'a, 'b, X, Y, SVGBackend<'c>>,
+) -> &'m mut MeshStyle<'a, 'b, X, Y, SVGBackend<'c>> {
+    mesh.light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.12))
+        .axis_style(BLACK.mix(0.5))
+        .label_style(FONT.into_font().color(&BLACK))
+        .axis_desc_style(FONT.into_font().color(&BLACK))
 }
 
 fn chart<'a, 'b>(area: &'b Area<'a>, left: u32) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
@@ -441,7 +431,7 @@ mod tests {
         let mark = |at| Mark { name: "<a & b>".into(), at, color: Color::GREY };
         let marks = [odd[0], (0.0, 0.0), (2.0, 1.0), (-1.0, 1e300)].map(mark);
         let plain = Plot { label: "plot", ..Plot::default() };
-        let full = Plot { dots: &odd, curves: &curves, marks: &marks, limit: Some(0.7), ..plain };
+        let full = Plot { curves: &curves, marks: &marks, limit: Some(0.7), ..plain };
         let wild = Plot { limit: Some(f64::NAN), ..full };
         let linear = Axis::linear("x");
         let mut drawings = vec![
@@ -462,14 +452,6 @@ mod tests {
             assert!(svg.contains("currentColor") && !svg.contains("#000000"));
             assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("<a & b>"));
         }
-    }
-
-    #[test]
-    fn points_on_one_pixel_are_drawn_once() {
-        let points = vec![(1.0, 1.0); 10_000];
-        let plot = Plot { label: "dots", dots: &points, ..Plot::default() };
-        let svg = plot.svg([Axis::POWER, Axis::ERROR]).unwrap();
-        assert_eq!(svg.matches("<circle").count(), 1);
     }
 
     #[test]

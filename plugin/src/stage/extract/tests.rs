@@ -5,6 +5,7 @@ use bevy::camera::{Exposure, PerspectiveProjection, Projection};
 use bevy::color::{Color, LinearRgba};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::name::Name;
+use bevy::ecs::reflect::AppTypeRegistry;
 use bevy::ecs::world::World;
 use bevy::image::{Image, ImageAddressMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::light::{DirectionalLight, EnvironmentMapLight, PointLight, SpotLight};
@@ -12,15 +13,13 @@ use bevy::math::{Affine2, Mat4, Quat, Vec2, Vec3};
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, UvChannel, VertexAttributeValues};
+use bevy::pbr::decal::ForwardDecalMaterial;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode as BevyAlpha;
 use bevy::render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat};
 use bevy::transform::components::{GlobalTransform, Transform};
 use frugal_trace::light::Light;
 use frugal_trace::scene::{AlphaMode, Texels, Wrap};
-
-use bevy::ecs::reflect::AppTypeRegistry;
-use bevy::pbr::decal::ForwardDecalMaterial;
 
 use super::{ExtractedScene, ExtractedSky, extract};
 
