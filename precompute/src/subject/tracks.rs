@@ -10,6 +10,7 @@ use bevy_frugal_gi_tools::row_log::read_rows;
 use frugal_core::frontier::CameraView;
 use frugal_search::cameras::{TrackSample, sampled};
 use frugal_trace::scene::{Bounds, CameraPose};
+use glam::Vec3;
 
 use crate::scene::{CameraPath, LoadedScene};
 
@@ -19,6 +20,10 @@ const LONGEST_STILL: f64 = 60.0;
 /// A camera that moved by less since its last sample, metres and radians, may have done so slowly: the
 /// recorder leaves out half of it.
 const SLOW: (f32, f32) = (0.1, 0.07);
+
+/// How far beside the tracks cameras may be: a share of the tracks' extent, and at least so many metres.
+/// Higher values: more cameras where no player was, in coarser nodes.
+const BESIDE_TRACKS: (f32, f32) = (0.25, 4.0);
 
 /// Samples of `paths` at `frames_per_second`.
 pub(crate) fn tracks_of<'a>(
@@ -33,15 +38,25 @@ pub(crate) fn tracks_of<'a>(
     paths.into_iter().map(track).filter(|track: &Vec<_>| !track.is_empty()).collect()
 }
 
-/// Where cameras may be: the scene's own bounds, else those of its geometry with the places of
-/// `tracks`.
+/// Where cameras may be: the scene's own bounds, else those of its geometry, of which only the
+/// surroundings of `tracks` count where there are any.
 pub(crate) fn camera_space(scene: &LoadedScene, tracks: &[Vec<TrackSample>]) -> Bounds {
     let own = scene.camera_bounds();
     if scene.bounds.is_some() {
         return own;
     }
-    let places = tracks.iter().flatten().map(|sample| sample.pose.position);
-    Bounds::around(places.chain([own.min, own.max])).unwrap_or(own)
+    reach_of(own, tracks.iter().flatten().map(|sample| sample.pose.position))
+}
+
+/// The part of `all` that cameras at `places` reach. A skyline or a sea would take most of an octree's
+/// nodes.
+fn reach_of(all: Bounds, places: impl IntoIterator<Item = Vec3>) -> Bounds {
+    let Some(seen) = Bounds::around(places) else { return all };
+    let margin = (BESIDE_TRACKS.0 * seen.size().max_element()).max(BESIDE_TRACKS.1);
+    Bounds {
+        min: (seen.min - margin).max(all.min.min(seen.min)),
+        max: (seen.max + margin).min(all.max.max(seen.max)),
+    }
 }
 
 /// The tracks in a recording, one for each camera, with a sample for each frame.
@@ -125,9 +140,26 @@ fn pose_at(keys: &[(f64, CameraPose)], seconds: f64) -> CameraPose {
 mod tests {
     use bevy_frugal_gi_tools::row_log::rows_to_text;
     use frugal_search::cameras::stretches;
-    use glam::{Quat, Vec3};
+    use glam::Quat;
 
     use super::*;
+
+    #[test]
+    fn a_sea_around_a_harbour_is_out_of_reach() {
+        let sea =
+            Bounds { min: Vec3::new(-257.0, -2.0, -200.0), max: Vec3::new(247.0, 60.0, 200.0) };
+        let walk = [Vec3::new(-8.0, 1.6, -4.0), Vec3::new(12.0, 18.0, 6.0)];
+        let reach = reach_of(sea, walk);
+        assert_eq!(
+            (reach.min, reach.max),
+            (Vec3::new(-13.0, -2.0, -9.0), Vec3::new(17.0, 23.0, 11.0))
+        );
+        // A camera that looks at a small thing from outside is in reach; without any, all is.
+        let thing = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+        let eye = Vec3::new(0.0, 0.0, 6.0);
+        assert_eq!(reach_of(thing, [eye]).max, Vec3::new(1.0, 1.0, 6.0));
+        assert_eq!(reach_of(thing, []), thing);
+    }
 
     /// A sample at a place along x.
     fn sample(time_s: f64, camera: u32, x: f32) -> CameraSample {
