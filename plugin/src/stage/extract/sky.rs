@@ -7,8 +7,10 @@ use bevy::ecs::world::World;
 use bevy::image::Image;
 use bevy::light::{
     AmbientLight, EnvironmentMapLight, GeneratedEnvironmentMapLight, GlobalAmbientLight, Skybox,
+    VolumetricFog,
 };
 use bevy::math::{Quat, Vec2, Vec3};
+use bevy::pbr::DistanceFog;
 use frugal_trace::scene::{Filter, SceneTexture, SkyMap, Wrap};
 
 use super::gaps::Gaps;
@@ -22,6 +24,12 @@ const COLUMNS: u32 = 512;
 /// The sky of a camera: its environment map, in the finest form that is readable, else the ambient
 /// light.
 pub(super) fn sky(world: &World, camera: Option<Entity>, gaps: &mut Gaps) -> ExtractedSky {
+    let has_fog = camera.is_some_and(|camera| {
+        world.get::<DistanceFog>(camera).is_some() || world.get::<VolumetricFog>(camera).is_some()
+    });
+    if has_fog {
+        gaps.add("fog is not traced", "camera");
+    }
     let light = camera.and_then(|camera| world.get::<EnvironmentMapLight>(camera));
     let shown = camera.and_then(|camera| world.get::<Skybox>(camera));
     if camera.is_some_and(|camera| world.get::<GeneratedEnvironmentMapLight>(camera).is_some()) {

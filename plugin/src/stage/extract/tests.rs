@@ -8,13 +8,13 @@ use bevy::ecs::name::Name;
 use bevy::ecs::reflect::AppTypeRegistry;
 use bevy::ecs::world::World;
 use bevy::image::{Image, ImageAddressMode, ImageSampler, ImageSamplerDescriptor};
-use bevy::light::{DirectionalLight, EnvironmentMapLight, PointLight, SpotLight};
+use bevy::light::{DirectionalLight, EnvironmentMapLight, PointLight, SpotLight, VolumetricFog};
 use bevy::math::{Affine2, Mat4, Quat, Vec2, Vec3};
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, UvChannel, VertexAttributeValues};
 use bevy::pbr::decal::ForwardDecalMaterial;
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::pbr::{DistanceFog, MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode as BevyAlpha;
 use bevy::render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat};
 use bevy::transform::components::{GlobalTransform, Transform};
@@ -214,6 +214,21 @@ fn what_the_camera_does_not_see_is_not_there() {
     assert_eq!(seen.geometry.triangle_count(), 1);
     assert_eq!((seen.exposure_ev100, seen.near, seen.far), (6.0, 0.2, 77.0));
     assert!((seen.vertical_fov_degrees - 1.0_f32.to_degrees()).abs() < 1e-4);
+}
+
+#[test]
+fn fog_is_named() {
+    let mut world = world();
+    let clear = world.spawn(Exposure::default()).id();
+    assert!(extract(&mut world, Some(clear)).gaps.is_empty());
+    for fogs in [true, false] {
+        let camera = if fogs {
+            world.spawn(DistanceFog::default()).id()
+        } else {
+            world.spawn(VolumetricFog::default()).id()
+        };
+        assert_eq!(extract(&mut world, Some(camera)).gaps, ["fog is not traced: camera"]);
+    }
 }
 
 /// Bevy hides the names of components unless its feature `debug` is on.
