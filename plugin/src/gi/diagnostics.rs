@@ -13,6 +13,7 @@ use bevy::render::{Render, RenderSystems};
 use crate::gi::bounces::BounceCamera;
 use crate::gi::cache::{self, CacheView};
 use crate::gi::denoise::History;
+use crate::gi::forward::ForwardView;
 use crate::gi::gather::GatherView;
 use crate::gi::rsm::RsmView;
 use crate::gi::schedule::supported_render_app;
@@ -42,8 +43,8 @@ pub struct GiCounts {
     pub vpls: u64,
     /// VPL–pixel pairs evaluated, sky samples included.
     pub pairs: u64,
-    /// Upper bound of the rays traced from pixels: a stratum of VPLs without unoccluded irradiance
-    /// takes none.
+    /// Upper bound of the rays traced from pixels, and from places around cameras: a stratum of VPLs
+    /// without unoccluded irradiance takes none.
     pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,
@@ -163,6 +164,7 @@ fn count(
         &VplView,
         &GatherView,
         Option<&CacheView>,
+        Option<&ForwardView>,
         Option<&History>,
         Option<&BounceCamera>,
     )>,
@@ -177,7 +179,7 @@ fn count(
         bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
         ..GiCounts::default()
     };
-    for (view, vpl, gather, cache, history, bounces) in &views {
+    for (view, vpl, gather, cache, forward, history, bounces) in &views {
         counts.cameras += u32::from(view.work.gather);
         counts.settling += u32::from(
             history.is_some_and(History::is_converging)
@@ -185,10 +187,11 @@ fn count(
         );
         counts.vpls += vpl.sampled(view);
         counts.pairs += pairs(view, vpl);
-        counts.rays += rays(view, vpl);
+        counts.rays += rays(view, vpl) + forward.map_or(0, |forward| forward.rays(view));
         counts.bytes += vpl.bytes()
             + gather.bytes()
             + cache.map_or(0, CacheView::bytes)
+            + forward.map_or(0, ForwardView::bytes)
             + history.map_or(0, History::bytes)
             + bounces.map_or(0, BounceCamera::bytes);
         if let Some(bounces) = bounces.filter(|_| view.work.sample) {

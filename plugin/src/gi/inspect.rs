@@ -15,6 +15,7 @@ use crate::gi::bounces::{self, BounceCamera, Patch};
 pub use crate::gi::bounces::{GiBouncesState, GiPatches};
 use crate::gi::cache::{self, CELL_BYTES, CacheSettings, CacheView};
 pub use crate::gi::emissive::GiEmitters;
+use crate::gi::forward::{self, PLACES, PROBE_BYTES, VolumeSettings};
 use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
 use crate::gi::rsm::{self, RsmLight};
@@ -29,7 +30,7 @@ use crate::gi::vpl::{
 use crate::gi::{composite, denoise};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 16] = [
+pub const STRUCT_BYTES: [(&str, u64); 18] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     trace::STRUCT_BYTES[0],
@@ -43,13 +44,15 @@ pub const STRUCT_BYTES: [(&str, u64); 16] = [
     ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
     ("Cell", CELL_BYTES),
     ("Settings", size_of::<CacheSettings>() as u64),
+    ("Probe", PROBE_BYTES),
+    ("Volume", size_of::<VolumeSettings>() as u64),
     ("SkyLight", SKY_LIGHT_BYTES),
     ("SkyPlan", size_of::<SkyPlan>() as u64),
     ("SkySource", size_of::<SkyReading>() as u64),
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 14] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 18] = [
     ("texels/rows.wgsl", "TILE", TILE as u64),
     ("vpl/importance.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
@@ -62,6 +65,10 @@ pub const SHADER_CONSTANTS: [(&str, &str, u64); 14] = [
     ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),
     ("sky/sky.wgsl", "SKY_STRIDE", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
     ("sky/fill.wgsl", "STEPS", sky::STEPS as u64),
+    ("forward/light.wgsl", "RAYS", forward::RAYS as u64),
+    ("forward/light.wgsl", "LOOKS", forward::LOOKS as u64),
+    ("forward/probe.wgsl", "ACROSS", PLACES.x as u64),
+    ("forward/probe.wgsl", "UPWARDS", PLACES.y as u64),
     ("bounces/reflect.wgsl", "GROUP_PATCHES", bounces::PATCHES_PER_GROUP as u64),
     ("bounces/reflect.wgsl", "BOUNCE_VPLS", bounces::BOUNCE_VPLS.per_set as u64),
 ];

@@ -21,6 +21,7 @@
 //! | `camera` | render | decides the work of each GI camera in a frame |
 //! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
 //! | `cache` | render | the same at the cheap end: light that is kept in cells of surface |
+//! | `forward` | both | the same around the camera, for meshes that are not deferred |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
 //! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
 //! | `diagnostics`, `inspect` | both | counters; access to buffers, for tests |
@@ -33,6 +34,7 @@ mod compute;
 mod denoise;
 mod diagnostics;
 mod emissive;
+mod forward;
 mod gather;
 #[cfg(feature = "inspect")]
 pub mod inspect;
@@ -144,7 +146,7 @@ impl Plugin for GiPlugin {
             camera::CameraPlugin,
             vpl::VplPlugin,
             gather::GatherPlugin,
-            cache::CachePlugin,
+            (cache::CachePlugin, forward::ForwardPlugin),
             denoise::DenoisePlugin,
             composite::CompositePlugin,
             GiDiagnosticsPlugin,

@@ -75,6 +75,8 @@ pub(super) enum PrepareSystems {
     Gather,
     /// Each view's cells of surface.
     Cache,
+    /// Each view's places around the camera.
+    Forward,
     /// Each view's history.
     Denoise,
     /// Removes Bevy's own diffuse light of gathered skies, before Bevy binds it.
@@ -94,6 +96,8 @@ pub(super) enum PassSystems {
     Gather,
     /// The same of cameras that keep it in the world.
     Cache,
+    /// Irradiance around cameras, for meshes that are not deferred.
+    Forward,
     /// Spatial filter and temporal accumulation.
     Denoise,
 }
@@ -152,6 +156,7 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                 PrepareSystems::Vpl,
                 PrepareSystems::Gather,
                 PrepareSystems::Cache,
+                PrepareSystems::Forward,
                 PrepareSystems::Denoise,
                 PrepareSystems::Environment,
             )
@@ -171,6 +176,7 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                     PassSystems::Vpl,
                     PassSystems::Gather,
                     PassSystems::Cache,
+                    PassSystems::Forward,
                     PassSystems::Denoise,
                 )
                     .chain()

@@ -48,6 +48,7 @@ const PLUGIN: &[&str] = &[
     "gi/camera",
     "gi/gather",
     "gi/cache",
+    "gi/forward",
     "gi/denoise",
     "gi/composite",
     "gi/diagnostics",

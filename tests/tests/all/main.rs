@@ -21,6 +21,7 @@ mod control;
 mod distant;
 mod error_meter;
 mod extremes;
+mod forward;
 mod furnace;
 mod gi;
 mod gi_sources;
@@ -70,6 +71,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("extremes::shading", extremes::shading::TESTS, true),
     ("extremes::scenes", extremes::scenes::TESTS, true),
     ("extremes::views", extremes::views::TESTS, true),
+    ("forward", forward::TESTS, true),
     ("furnace", furnace::TESTS, true),
     ("gi", gi::TESTS, true),
     ("gi_sources::emissive", gi_sources::emissive::TESTS, true),

@@ -8,7 +8,7 @@ tests!(
     constants_are_those_of_the_plugin
 );
 
-const SHADERS: [&str; 12] = [
+const SHADERS: [&str; 13] = [
     include_str!("../../../plugin/src/gi/texels/texel.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
     include_str!("../../../plugin/src/gi/texels/rows.wgsl"),
@@ -16,6 +16,7 @@ const SHADERS: [&str; 12] = [
     include_str!("../../../plugin/src/gi/vpl/plan.wgsl"),
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
     include_str!("../../../plugin/src/gi/cache/table.wgsl"),
+    include_str!("../../../plugin/src/gi/forward/probe.wgsl"),
     include_str!("../../../plugin/src/gi/trace/trace.wgsl"),
     include_str!("../../../plugin/src/gi/rsm/resolve.wgsl"),
     include_str!("../../../plugin/src/gi/bounces/patch.wgsl"),

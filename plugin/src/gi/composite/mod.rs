@@ -28,10 +28,12 @@ use bevy::render::view::{ViewTarget, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 use bevy::utils::default;
 
+use super::forward::{ForwardCamera, ForwardView};
 use super::gather::GatherView;
 use super::schedule::{GiSystems, supported_render_app};
 use super::settings::{FrugalGi, GiOutput};
-use super::view::GiView;
+use super::sky::SkyCamera;
+use super::view::{GiView, SkySource};
 use pipelines::{CompositePipeline, CompositePipelines};
 
 pub(super) struct CompositePlugin;
@@ -186,16 +188,28 @@ fn draw(
 /// off, by its settings or for want of light, it does. So a level of a knob that switches GI off falls
 /// back to what was baked.
 ///
+/// A volume of ours stays while it is filled. Where it is bound, Bevy leaves out the diffuse light of
+/// an environment map, so the sky has to be gathered, if there is one.
+///
 /// Runs before Bevy notes, for the keys of pipelines, whether a view has volumes: pipelines that read
 /// volumes which are not bound end rendering. A view is known to gather from its second frame on.
 fn leave_out_volumes(
     mut commands: Commands,
     views: Query<
-        (Entity, &FrugalGi),
-        (With<GiView>, With<RenderViewLightProbes<IrradianceVolume>>),
+        (Entity, &FrugalGi, Has<GiView>, Has<ForwardCamera>, Has<ForwardView>, ViewSky),
+        With<RenderViewLightProbes<IrradianceVolume>>,
     >,
 ) {
-    for (view, _) in views.iter().filter(|(_, gi)| !gi.irradiance_volumes) {
-        commands.entity(view).remove::<RenderViewLightProbes<IrradianceVolume>>();
+    for (view, gi, gathers, has_own, is_filled, (source, sky)) in &views {
+        let sky_is_gathered = source.is_none() || sky.is_some_and(|sky| sky.is_active);
+        let keeps_own = is_filled && gi.traces() && sky_is_gathered;
+        let keeps =
+            if has_own && gi.traces() { keeps_own } else { !gathers || gi.irradiance_volumes };
+        if !keeps {
+            commands.entity(view).remove::<RenderViewLightProbes<IrradianceVolume>>();
+        }
     }
 }
+
+/// A camera's environment map, and what is gathered of it.
+type ViewSky = (Option<&'static SkySource>, Option<&'static SkyCamera>);

@@ -116,10 +116,20 @@ fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
 }
 #endif
 
+#ifdef FACING
+/// Of triangles, 1: their fronts count; -1: their backs; 0: both.
+var<private> facing: f32;
+#endif
+
 /// Möller and Trumbore 1997, from either side.
 fn meets_triangle(triangle: Triangle, origin: vec3<f32>, direction: vec3<f32>) -> bool {
     let p = cross(direction, triangle.edge_2);
     let determinant = dot(triangle.edge_1, p);
+#ifdef FACING
+    if determinant * facing < 0.0 {
+        return false;
+    }
+#endif
     let inverse = 1.0 / determinant;
     let offset = origin - triangle.corner;
     let u = dot(offset, p) * inverse;
@@ -222,6 +232,19 @@ fn is_occluded(origin: vec3<f32>, end: vec3<f32>) -> bool {
     }
     return false;
 }
+
+#ifdef FACING
+/// Whether the segment between two points meets backs of triangles, and no front: it begins in a solid
+/// and ends outside.
+fn leaves_solid(origin: vec3<f32>, end: vec3<f32>) -> bool {
+    facing = -1.0;
+    let meets_back = is_occluded(origin, end);
+    facing = 1.0;
+    let leaves = meets_back && !is_occluded(origin, end);
+    facing = 0.0;
+    return leaves;
+}
+#endif
 
 /// Whether nothing intersects the ray in a direction (unit length), at any distance.
 fn is_open(origin: vec3<f32>, direction: vec3<f32>) -> bool {
