@@ -21,7 +21,7 @@ use bevy::shader::ShaderRef;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi::stage::{StageCamera, on_stage};
 use bevy_frugal_gi_tools::HudPlugin;
-use frugal_examples::{ExamplePlugin, workspace_file};
+use frugal_examples::{ExamplePlugin, change_power_budget, control_if_mapped, workspace_file};
 
 /// The standard material with stripes.
 type Striped = ExtendedMaterial<StandardMaterial, Stripes>;
@@ -53,7 +53,7 @@ fn main() -> AppExit {
         .insert_resource(GlobalAmbientLight::NONE)
         .insert_resource(Map(map))
         .add_systems(Startup, (set_up, creature::spawn))
-        .add_systems(Update, (creature::sway, moss::grow, change_budget));
+        .add_systems(Update, (creature::sway, moss::grow, change_power_budget));
     embedded_asset!(app, "examples/own_game/", "stripes.wgsl");
     moss::register(&mut app);
     app.run()
@@ -117,29 +117,5 @@ fn set_up(
     let exposure = bevy::camera::Exposure { ev100: 13.0 };
     let gi = (Camera3d::default(), Msaa::Off, FrugalGi::default(), moss::Moss(400));
     let mut camera = commands.spawn((gi, StageCamera, haze, exposure, view));
-    // Without a map there is no budget to keep.
-    let text = std::fs::read_to_string(&map.0).unwrap_or_default();
-    match FrontierMap::from_ron(&text) {
-        Ok(map) => {
-            let (low, high) = (map.shared.points().first(), map.shared.points().last());
-            let middle = low
-                .zip(high)
-                .map_or(0.0, |(low, high)| 0.5 * (low.cost.power.0 + high.cost.power.0));
-            camera.insert((PowerController(maps.add(map)), Budget::power(Watts(middle))));
-        }
-        Err(error) => info!("{}: {error}", map.0.display()),
-    }
-}
-
-fn change_budget(keys: Res<ButtonInput<KeyCode>>, mut budgets: Query<&mut Budget>) {
-    let step = if keys.just_pressed(KeyCode::ArrowUp) {
-        1.1
-    } else if keys.just_pressed(KeyCode::ArrowDown) {
-        1.0 / 1.1
-    } else {
-        return;
-    };
-    for mut budget in &mut budgets {
-        budget.power = budget.power.map(|power| Watts(power.0 * step));
-    }
+    control_if_mapped(&mut camera, &map.0, &mut maps);
 }

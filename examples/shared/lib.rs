@@ -19,7 +19,9 @@ use bevy::window::PrimaryWindow;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 
-pub use map::{BudgetRange, MapWhenWarm, control, read_map};
+pub use map::{
+    BudgetRange, MapWhenWarm, change_power_budget, control, control_if_mapped, read_map,
+};
 pub use room::spawn_blocks;
 pub use text::{add_ui_camera, caption};
 pub use tour::{Tour, travel};

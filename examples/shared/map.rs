@@ -73,6 +73,33 @@ pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
     app.add_systems(Update, start_controller);
 }
 
+/// Puts `camera` under the map in `file`, with a power budget in the middle of its range. Without a map
+/// there is no budget to keep.
+pub fn control_if_mapped(camera: &mut EntityCommands, file: &Path, maps: &mut Assets<FrontierMap>) {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    match FrontierMap::from_ron(&text) {
+        Ok(map) => {
+            let budget = Budget::power(BudgetRange::of(&map).power(0.5));
+            camera.insert((PowerController(maps.add(map)), budget));
+        }
+        Err(error) => info!("{}: {error}", file.display()),
+    }
+}
+
+/// Up and Down change power budgets by a tenth.
+pub fn change_power_budget(keys: Res<ButtonInput<KeyCode>>, mut budgets: Query<&mut Budget>) {
+    let step = if keys.just_pressed(KeyCode::ArrowUp) {
+        1.1
+    } else if keys.just_pressed(KeyCode::ArrowDown) {
+        1.0 / 1.1
+    } else {
+        return;
+    };
+    for mut budget in &mut budgets {
+        budget.power = budget.power.map(|power| Watts(power.0 * step));
+    }
+}
+
 fn start_controller(
     mut commands: Commands,
     cameras: Query<(Entity, &MapWhenWarm), Without<WarmKnobs>>,

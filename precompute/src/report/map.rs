@@ -3,6 +3,8 @@
 use frugal_core::frontier::{Corner, Frontier, FrontierMap};
 use glam::Vec3;
 
+use crate::inspect::{Gain, gain};
+
 use super::{
     Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, knob_table, provenance, staircase,
 };
@@ -79,8 +81,8 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
     let ([low, high], octree, meter) = (corners(map), &map.octree, &map.meter);
     let [width, height] = map.capture.size;
     let points: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let views = octree.corners.iter().flat_map(|corner| corner.frontiers);
-    let known = views.filter(|index| *index != Corner::UNKNOWN).count();
+    let indices = octree.corners.iter().flat_map(|corner| corner.frontiers);
+    let known = indices.filter(|index| *index != Corner::UNKNOWN).count();
     let power = match map.shared.points() {
         [first, .., last] => format!(
             "{:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
@@ -88,6 +90,8 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         ),
         _ => "there is no shared frontier".to_owned(),
     };
+    let views =
+        gain(map).map_or_else(|| "there is no choice between settings".to_owned(), Gain::sentence);
     let budgets = match map.error_rates.0.as_slice() {
         [first, .., last] => {
             format!("errors of {} to {} are calibrated", first.budget, last.budget)
@@ -127,6 +131,7 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
             ),
         ),
         ("power", power),
+        ("views", views),
         ("budgets", budgets),
         (
             "thresholds",
