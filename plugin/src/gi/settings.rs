@@ -94,7 +94,7 @@ pub struct FrugalGi {
     /// that Bevy lights. There are 32 × 16 × 32 places. They exist once the camera draws such a mesh,
     /// need [`visibility`](Self::visibility), cost 2.4 MB and up to 8,192 rays to VPLs and as many to
     /// the sky in a frame, and none once nothing changes. In 0.01 to 100. Higher values: light reaches farther from
-    /// the camera (16 steps), is coarser, and leaks through walls thinner than a step. 0, or
+    /// the camera (16 steps, 8 upwards), is coarser, and leaks through walls thinner than a step. 0, or
     /// with [`irradiance_volumes`](Self::irradiance_volumes): such meshes receive none.
     pub forward_spacing: f32,
     /// Reflection model of indirect light. Costs nothing.
@@ -166,7 +166,7 @@ impl Default for FrugalGi {
             history_frames: 32,
             rest_frames: 64,
             irradiance_volumes: false,
-            forward_spacing: 0.75,
+            forward_spacing: 0.5,
             shading: GiShading::Standard,
             output: GiOutput::Added,
         }
