@@ -71,7 +71,7 @@ impl Builder<'_, '_, '_> {
         }
     }
 
-    /// The glowing part of a lamp, which its own light passes.
+    /// The emissive part of a lamp, which its own light passes.
     pub(crate) fn bulb(&mut self, at: Vec3, radius: f32) {
         let surface = self.surfaces.bulb.clone();
         let ball = Sphere::new(radius).mesh().uv(12, 8);

@@ -72,14 +72,14 @@ impl Surfaces {
             uv_transform: Affine2::from_scale(Vec2::splat(0.125)),
             ..default()
         });
-        let glow = |nits: Vec3| StandardMaterial {
+        let emissive = |nits: Vec3| StandardMaterial {
             base_color: Color::BLACK,
             emissive: LinearRgba::rgb(nits.x, nits.y, nits.z),
             ..default()
         };
         Self {
-            window: materials.add(glow(vec3(120.0, 62.0, 20.0))),
-            bulb: materials.add(glow(vec3(6000.0, 3000.0, 1000.0))),
+            window: materials.add(emissive(vec3(120.0, 62.0, 20.0))),
+            bulb: materials.add(emissive(vec3(6000.0, 3000.0, 1000.0))),
             stone,
             brick,
             plaster,

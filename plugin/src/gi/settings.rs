@@ -39,7 +39,8 @@ pub struct FrugalGi {
     /// rays to the sky, too. Higher values: less noise in the sky's shadows, and a finer map. With
     /// 0, or without rays, Bevy's own unshadowed diffuse light of the map stays. Else ours replaces
     /// it (Bevy's reflections stay), also on meshes that are not deferred, which then receive it
-    /// within reach of [`forward_spacing`](Self::forward_spacing). At most [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
+    /// within reach of [`forward_spacing`](Self::forward_spacing). At most
+    /// [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
     pub environment_samples: u32,
     /// Number of diffuse bounces. Emissive surfaces and the sky get one fewer. Without
     /// [`visibility`](Self::visibility) it is 1. Higher values: brighter shadows and rooms, nearer
@@ -92,10 +93,11 @@ pub struct FrugalGi {
     /// Distance between the places around the camera, in metres, at which light is sampled for meshes
     /// that are not deferred: forward-rendered, transparent and transmissive ones of any material
     /// that Bevy lights. There are 32 × 16 × 32 places. They exist once the camera draws such a mesh,
-    /// need [`visibility`](Self::visibility), cost 2.4 MB and up to 8,192 rays to VPLs and as many to
-    /// the sky in a frame, and none once nothing changes. In 0.01 to 100. Higher values: light reaches farther from
-    /// the camera (16 steps, 8 upwards), is coarser, and leaks through walls thinner than a step. 0, or
-    /// with [`irradiance_volumes`](Self::irradiance_volumes): such meshes receive none.
+    /// need [`visibility`](Self::visibility), and cost 2.4 MB; in a frame up to 8,192 rays to VPLs, as
+    /// many to the sky, and as many to neighbours, and none once nothing changes. Higher values: light
+    /// reaches farther from the camera (16 steps, 8 upwards), is coarser, and leaks through walls
+    /// thinner than a step. In 0.01 to 100. 0, or with
+    /// [`irradiance_volumes`](Self::irradiance_volumes): such meshes receive none.
     pub forward_spacing: f32,
     /// Reflection model of indirect light. Costs nothing.
     pub shading: GiShading,

@@ -29,7 +29,7 @@ enum Drawn {
     /// Of opacity 1, among transparent meshes.
     Blended,
     /// Deferred, and so bright that it tells its pixels.
-    Glowing,
+    Emissive,
 }
 
 impl Drawn {
@@ -39,7 +39,7 @@ impl Drawn {
             Self::Deferred => {}
             Self::Forward => material.opaque_render_method = OpaqueRendererMethod::Forward,
             Self::Blended => material.alpha_mode = AlphaMode::Blend,
-            Self::Glowing => material.emissive = LinearRgba::rgb(1e4, 1e4, 1e4),
+            Self::Emissive => material.emissive = LinearRgba::rgb(1e4, 1e4, 1e4),
         }
         material
     }
@@ -84,12 +84,13 @@ fn twins_receive_what_deferred_meshes_do() {
         ("two_rooms", Vec3::new(-1.2, 0.25, 0.9), Vec3::new(-2.6, 1.2, -0.2)),
         ("two_rooms", Vec3::new(-3.4, 1.0, -1.4), Vec3::new(-2.2, 1.5, -0.4)),
     ] {
-        let [glowing, _] = both(&mut with_twin(scene, at, eye, Drawn::Glowing), 8);
+        let [emissive, _] = both(&mut with_twin(scene, at, eye, Drawn::Emissive), 8);
         let images = [Drawn::Deferred, Drawn::Forward, Drawn::Blended]
             .map(|drawn| both(&mut with_twin(scene, at, eye, drawn), 160));
         let [deferred, _] = &images[0];
-        let glows = |i: usize| luminance(&glowing.rgb[i]) > 2.0 * luminance(&deferred.rgb[i]) + 1.0;
-        let pixels: Vec<usize> = (0..deferred.rgb.len()).filter(|i| glows(*i)).collect();
+        let emits =
+            |i: usize| luminance(&emissive.rgb[i]) > 2.0 * luminance(&deferred.rgb[i]) + 1.0;
+        let pixels: Vec<usize> = (0..deferred.rgb.len()).filter(|i| emits(*i)).collect();
         let [reference, forward, blended] = images.map(|[direct, all]| {
             let sum: f64 =
                 pixels.iter().map(|i| luminance(&all.rgb[*i]) - luminance(&direct.rgb[*i])).sum();

@@ -1,8 +1,8 @@
 // Lets light of earlier frames fade where something changed, and drops cells that were not in view for
 // long: one thread per slot of the table.
 
-#import bevy_frugal_gi::gi::cache::grid::mixed
 #import bevy_frugal_gi::gi::cache::table::{SAMPLE, cells, keys, settings, slots}
+#import bevy_frugal_gi::gi::view::noise::mixed
 
 /// Frames after which a cell that is not in view is dropped.
 const FORGOTTEN: u32 = 1024u;

@@ -6,6 +6,8 @@
 // other ways have other cells.
 #define_import_path bevy_frugal_gi::gi::cache::grid
 
+#import bevy_frugal_gi::gi::view::noise::mixed
+
 /// Side of the smallest cells, metres. No round number: walls and floors are at those, and would lie on
 /// the border of two layers.
 const SMALLEST: f32 = 0.0437;
@@ -33,18 +35,6 @@ struct Key {
     slot: u32,
     /// Stands for the cell, and is never 0.
     check: u32,
-}
-
-fn mixed(value: u32) -> u32 {
-    // A round of PCG: Jarzynski and Olano 2020, "Hash Functions for GPU Rendering".
-    let state = value * 747796405u + 2891336453u;
-    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return (word >> 22u) ^ word;
-}
-
-/// A number in 0 to 1.
-fn random(seed: u32) -> f32 {
-    return f32(mixed(seed) >> 8u) * 5.9604645e-8;
 }
 
 /// Level of a surface at an apparent distance, with a fraction.

@@ -1,10 +1,10 @@
 // Light at the points that `place.wgsl` chose: one thread per tile, as `gather/gather.wgsl` does for
 // pixels.
 
-#import bevy_frugal_gi::gi::cache::grid::mixed
 #import bevy_frugal_gi::gi::cache::record::{LIGHTS, recorded_pixel}
 #import bevy_frugal_gi::gi::gather::irradiance::{gathered, plan, view}
 #import bevy_frugal_gi::gi::trace::trace::begin_trace
+#import bevy_frugal_gi::gi::view::noise::mixed
 #import bevy_frugal_gi::gi::view::surface::{image_size, in_g_buffer, pixel_position, surface_normal}
 #ifdef SKY_RAYS
 #import bevy_frugal_gi::gi::gather::irradiance::gathered_sky

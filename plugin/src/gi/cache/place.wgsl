@@ -2,9 +2,10 @@
 // Nothing is written that another thread reads, so that the decisions do not depend on their order.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::cache::grid::{LEVELS, cell_size, corner_of, key_of, level_at, mixed, random, spot_of, square_of}
+#import bevy_frugal_gi::gi::cache::grid::{LEVELS, cell_size, corner_of, key_of, level_at, spot_of, square_of}
 #import bevy_frugal_gi::gi::cache::table::{BLOCKED, KNOWN, SAMPLE, count_of, count_sample, find, links_of, settings}
 #import bevy_frugal_gi::gi::cache::record::{LIGHTS, LINKS, SURFACE, USES}
+#import bevy_frugal_gi::gi::view::noise::{mixed, random}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;

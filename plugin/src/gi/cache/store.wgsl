@@ -5,11 +5,12 @@
 // sees the sample: what lies on the other side of a wall is in another cell.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::cache::grid::{LEVELS, Spot, anchor_of, cell_size, corner_of, key_of, level_at, mixed, random, spot_of, square_of}
+#import bevy_frugal_gi::gi::cache::grid::{LEVELS, Spot, anchor_of, cell_size, corner_of, key_of, level_at, spot_of, square_of}
 #import bevy_frugal_gi::gi::cache::record::{LIGHTS, LINKS, SURFACE, USES, recorded_pixel}
 #import bevy_frugal_gi::gi::cache::sight::{is_seen, nth_nearest}
 #import bevy_frugal_gi::gi::cache::table::{BLOCKED, KNOWN, LIGHT_UNIT, MOST_LIGHT, NOWHERE, SAMPLE, cells, count_rays, find_or_add, settings}
 #import bevy_frugal_gi::gi::trace::trace::begin_trace
+#import bevy_frugal_gi::gi::view::noise::{mixed, random}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;

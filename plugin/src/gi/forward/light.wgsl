@@ -7,6 +7,7 @@
 
 #import bevy_frugal_gi::gi::forward::probe::{NEIGHBOURS, PLACES, Probe, Volume, key_of, neighbour, place_of}
 #import bevy_frugal_gi::gi::trace::trace::begin_trace
+#import bevy_frugal_gi::gi::view::noise::random
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum, weight_of}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
@@ -34,13 +35,6 @@
 const RAYS: u32 = 4u;
 /// Neighbours that a place looks at in a frame.
 const LOOKS: u32 = 2u;
-
-/// A number in 0 to 1: a round of PCG (Jarzynski and Olano 2020).
-fn random(seed: u32) -> f32 {
-    let state = seed * 747796405u + 2891336453u;
-    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return f32(((word >> 22u) ^ word) >> 8u) * 5.9604645e-8;
-}
 
 /// A place's middle, metres.
 fn middle_of(place: vec3<i32>) -> vec3<f32> {
@@ -154,7 +148,7 @@ fn light_probes(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_inv
     let kept = 1.0 - 1.0 / f32(samples);
 #endif
     // One set after another, each place from another one on.
-    gather(position, slot * 7u + slot / 37u + volume.seed / 8u, noise);
+    gather(position, slot * 7u + slot / 37u + volume.round, noise);
     // Light and sky come as π times illuminance; a texel is illuminance ÷ π.
     let share = 0.10132118 / f32(samples);
     for (var face = 0u; face < 6u; face++) {

@@ -27,6 +27,8 @@ struct Volume {
     most: u32,
     /// Another in each frame.
     seed: u32,
+    /// Another each time that all slots had their turn.
+    round: u32,
 }
 
 /// Neighbours of a place.

@@ -1,6 +1,7 @@
 //! A camera's places: their buffers, and what happens to them in a frame.
 
 use bevy::ecs::prelude::*;
+use bevy::math::IVec3;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bytemuck::{Pod, Zeroable};
@@ -35,7 +36,8 @@ pub(in crate::gi) struct VolumeSettings {
     stride: u32,
     most: u32,
     seed: u32,
-    padding: [u32; 3],
+    round: u32,
+    padding: [u32; 2],
 }
 
 /// The places of a GI camera. In the render world.
@@ -72,15 +74,15 @@ impl ForwardView {
     fn advance(&mut self, view: &GiView, frame: &GiFrame, camera: &ForwardCamera, is_new: bool) {
         let old = self.settings;
         self.begins = is_new || view.is_new || old.spacing != camera.spacing;
-        let steps = camera.base - bevy::math::IVec3::from(old.base);
+        let steps = camera.base - IVec3::from(old.base);
         let is_changing = frame.gather || view.relit;
-        if self.begins || is_changing || steps != bevy::math::IVec3::ZERO {
+        if self.begins || is_changing || steps != IVec3::ZERO {
             self.remaining = SETTLED * STRIDE;
         } else {
             self.remaining = self.remaining.saturating_sub(1);
         }
         let jumps = self.begins || steps.abs().max_element() > JUMP;
-        let seed = old.seed.wrapping_add(1);
+        let seed = if self.begins { 0 } else { old.seed.wrapping_add(1) };
         self.settings = VolumeSettings {
             base: camera.base.to_array(),
             spacing: camera.spacing,
@@ -88,8 +90,9 @@ impl ForwardView {
             first: if jumps { 0 } else { seed % STRIDE },
             stride: if jumps { 1 } else { STRIDE },
             most: if is_changing { CHANGING } else { SETTLED },
-            seed: if self.begins { 0 } else { seed },
-            padding: [0; 3],
+            seed,
+            round: seed / STRIDE,
+            padding: [0; 2],
         };
     }
 

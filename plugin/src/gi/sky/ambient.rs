@@ -4,9 +4,8 @@
 //! Bevy puts the map of each view into the list of light probes that it binds. There, and only for
 //! these views, a black cube replaces the diffuse map; the app's component, the specular map, other
 //! views and other probes stay as they are. Two terms are lost with it: the diffuse light of meshes
-//! that are not deferred (transparent, transmissive and forward-rendered ones), which global
-//! illumination does not light, and the multiple scattering of rough metals, which Bevy reads from
-//! the same map.
+//! that are not deferred and out of reach of [`forward`](crate::gi::forward), and the multiple
+//! scattering of rough metals, which Bevy reads from the same map.
 
 use bevy::asset::AssetId;
 use bevy::asset::uuid::Uuid;
