@@ -1,9 +1,9 @@
-//! A copy of a camera, as far as its image goes: for pictures that are compared with the camera's own,
-//! as the error meter and the HUD of `bevy_frugal_gi_tools` do.
+//! A copy of a camera for comparison with the camera's own image: for the error meter, and for the
+//! HUD of `bevy_frugal_gi_tools`.
 //!
-//! What is copied is a list, not all but a list: an app's queries by its own components mean one
-//! camera. A test names every component of Bevy's renderer that is neither copied nor left out for a
-//! reason.
+//! Only listed components are copied: with the app's own components, the app's queries for its one
+//! camera would find the copy, too. A test fails for a component of Bevy's renderer that is neither
+//! copied nor left out for a reason.
 
 use bevy::anti_alias::contrast_adaptive_sharpening::ContrastAdaptiveSharpening;
 use bevy::anti_alias::fxaa::Fxaa;

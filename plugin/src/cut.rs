@@ -10,14 +10,15 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::time::{Real, Time};
 pub(crate) use frugal_core::frontier::{CUT_DISTANCE, is_cut};
 
-/// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, its
-/// VPLs are resampled regardless of [`refresh_period`](crate::gi::FrugalGi::refresh_period), and the
-/// controller's next settings go straight to their target. Removed at the end of that frame, in
-/// `Last`.
+/// Marks a camera whose next frame shows another place: a teleport, another scene. GI drops its
+/// history and resamples its VPLs regardless of
+/// [`refresh_period`](crate::gi::FrugalGi::refresh_period), and the controller's next settings
+/// apply without transition. Removed at the end of that frame, in `Last`.
 ///
-/// Other cuts are detected without it: from one frame to the next the camera moves by more than 1 m
+/// A jump is a cut without this mark: from one frame to the next the camera moves by more than 1 m
 /// and faster than 300 m/s, or turns by more than 30° and faster than 900° a second, in real time.
-/// A camera that moves together with what it shows does not cut: the world's origin was shifted.
+/// Frames longer than 0.1 s count as 0.1 s. Where all that the camera shows moves with it, the
+/// world's origin was shifted: that is no cut.
 #[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct CameraCut;

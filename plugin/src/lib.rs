@@ -12,8 +12,8 @@
 //!     .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
 //!         commands.spawn((
 //!             Camera3d::default(),
-//!             FrugalGi::default(),                                                // global illumination on this camera
-//!             PowerController(assets.load("maps/courtyard.pareto.ron")),        // and the controller
+//!             FrugalGi::default(),                                       // global illumination
+//!             PowerController(assets.load("maps/courtyard.pareto.ron")), // and the controller
 //!             Budget::power(Watts(7.0)),
 //!         ));
 //!     })
@@ -48,7 +48,7 @@ pub mod stage;
 pub mod stage {
     use bevy::app::{PluginGroup, PluginGroupBuilder};
 
-    /// An app's plugins, as they are.
+    /// Returns an app's plugins unchanged.
     pub fn on_stage(plugins: impl PluginGroup) -> PluginGroupBuilder {
         plugins.build()
     }

@@ -75,7 +75,7 @@ pub enum OffReason {
     MapInvalid,
     /// The map sets knobs that this app has not registered.
     UnknownKnobs,
-    /// A limit of the budget is NaN or negative.
+    /// A limit of the budget is NaN, negative or beyond its range.
     InvalidBudget,
     /// No sample camera of the map has a frontier.
     NothingKnown,
@@ -112,8 +112,7 @@ pub struct Selection {
     /// is [`ControlStatus::Active`]. Watts are corrected by the app's meter where
     /// [`PowerFeedback`](super::PowerFeedback) runs.
     pub predicted: Option<CostPoint>,
-    /// As `predicted`, of `applied`. In a transition to settings that are dearer or cheaper it is
-    /// interpolated.
+    /// As `predicted`, for `applied`; interpolated during a transition.
     pub predicted_applied: Option<CostPoint>,
     /// The limit that keeps the selected settings from being better. `None` where nothing does:
     /// they are the best ones, or `status` is not [`ControlStatus::Active`].
@@ -151,11 +150,12 @@ impl CameraState {
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct AppBudget {
-    /// Limit on the mean power over 30 s, in watts; at least 0, `None` or infinity for no limit. NaN and
-    /// negative limits are ignored, with a warning.
+    /// Limit on the mean power over 30 s, in watts; at least 0, `None` or infinity for no limit.
+    /// NaN and negative limits are ignored, with a warning. Higher values: more quality, more
+    /// power. Default: `None`.
     ///
-    /// One more watt lowers the error equally for every camera and at every time, by
-    /// [`CameraPriority`] and share of the pixels.
+    /// The power is divided so that one more watt would lower the error of every camera equally,
+    /// weighted by [`CameraPriority`] and share of the pixels.
     pub power: Option<Watts>,
 }
 

@@ -20,8 +20,8 @@ pub struct SettingsSwitched {
     pub target: KnobLevels,
 }
 
-/// The [status](ControlStatus) of a camera has changed: its budget is met, or no longer, or the
-/// controller is off.
+/// The [status](ControlStatus) of a camera has changed: for example, its budget is no longer met,
+/// or the controller is off.
 #[derive(EntityEvent, Clone, Copy, Debug, PartialEq)]
 pub struct BudgetStateChanged {
     /// The camera.

@@ -80,9 +80,9 @@ pub(super) fn forget_changed_maps(
     }
 }
 
-/// The frontier that choices at a view are made from: over all views where the scene has left its
-/// map ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)), since local ones say
-/// nothing of it then.
+/// The frontier from which the controller chooses at a view. Where the scene has left its map
+/// ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)), that is the frontier over
+/// all views, since local ones no longer apply.
 pub fn frontier_in_play<'a>(
     store: &'a dyn FrontierStore,
     found: SampleRef<'a>,

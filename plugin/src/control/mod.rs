@@ -4,7 +4,7 @@
 //! | component of a camera | written by | holds |
 //! |---|---|---|
 //! | [`PowerController`] or [`FrontierSource`] | the app | the source of its frontiers |
-//! | [`Budget`] | the app | its power and error limits |
+//! | [`Budget`] | the app | its limits: power, error, energy, time, battery, heat |
 //! | [`KnobBounds`] | the app, and whoever writes to `KnobSettings` | levels that the controller may set |
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
 //! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |

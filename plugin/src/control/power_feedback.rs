@@ -25,28 +25,28 @@ pub enum FeedbackState {
     Held,
 }
 
-/// Correction of predicted power by [`MeteredPower`], which holds a budget in watts on a device
-/// other than the map's, or one that has been throttled. Written by the controller;
+/// Corrects predicted power by [`MeteredPower`], so that a budget in watts holds on another device
+/// than the map's, and on one that throttles. Written by the controller;
 /// [`ControlSettings::power_feedback`](super::ControlSettings::power_feedback) turns it off.
 ///
-/// The meter's power must be that of the controlled cameras and of constant others: with it, a
-/// power budget is one on metered watts.
+/// Power budgets then limit metered watts. The meter must cover the controlled cameras; whatever
+/// else it covers should take constant power.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub struct PowerFeedback {
-    /// What happens.
+    /// What the controller does with the meter.
     pub state: FeedbackState,
-    /// The correction in use, of the sum over all controlled cameras: what the meter says, after
-    /// the map's watts are scaled to the app's frame rate.
+    /// From the maps' watts, summed over all controlled cameras, to the meter's. Scales to the
+    /// app's frame rate first.
     pub correction: PowerCorrection,
-    /// The same for a mean over tens of seconds, by which mean power is limited.
+    /// The same for means over tens of seconds. Limits of mean power use it.
     pub mean_correction: PowerCorrection,
     /// Standard deviation of the corrected power, watts; `None` before the first reading.
     pub deviation: Option<Watts>,
     /// Number of readings learnt from.
     pub readings: u64,
-    /// Whether readings stay off whatever the correction: the scene is no longer the map's. The
-    /// controller then selects from the frontier over all views, and predicts more power by as much
-    /// as readings are off.
+    /// Whether no correction fits the readings: the scene is no longer the map's. The controller
+    /// then selects from the frontier over all views, and raises predicted power by the readings'
+    /// deviation.
     pub has_left_map: bool,
     /// Number of active controlled cameras.
     pub(super) cameras: usize,

@@ -8,9 +8,9 @@
 //! | `compare`, `compare.wgsl` | render | 1 − SSIM of the part |
 //!
 //! The error is that of `frugal`'s maps: 1 − SSIM (Wang et al. 2004) against the best settings.
-//! Measurements correct what the map predicts, by
-//! [`ErrorFeedback`](crate::control::ErrorFeedback): an error budget then holds in views that the
-//! map does not know, and is used where they are easier than it expects.
+//! [`ErrorFeedback`](crate::control::ErrorFeedback) corrects the map's predictions by the
+//! measurements. Error budgets then hold in views that the map does not know, and easier views do
+//! not waste them.
 
 mod compare;
 mod probe;
@@ -36,34 +36,37 @@ const STEADY: f64 = 64.0;
 /// and follow a camera to another part of it; higher values cost less.
 const STRETCH: [f64; 2] = [0.25, 3.0];
 
-/// Marks the hidden camera that renders a part of another camera's view at the best settings, while
-/// there is one. It has what Bevy's own rendering reads of that camera, as the app authored it: an
-/// app that adds effects of its own gives it those by an observer of this component's insertion.
+/// Marks the hidden camera that renders a part of another camera's view at the best settings. It
+/// exists during a measurement, with the authored values of all components that Bevy's rendering
+/// reads. An app with rendering components of its own adds them by an observer of this one's
+/// insertion.
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorProbe {
     /// The camera whose error is measured.
     pub camera: Entity,
 }
 
-/// Measures the error of this camera's frames while it is there. For a camera with
-/// [`KnobSettings`](crate::knobs::KnobSettings), such as one under the controller.
+/// Measures the error of this camera's frames. Needs [`KnobSettings`](crate::knobs::KnobSettings),
+/// which the controller gives its cameras.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(MeasuredError, probe::MeterState)]
 pub struct ErrorMeter {
-    /// Mean time from the 64th measurement to the next; see [`interval`](Self::interval). Default:
-    /// 20 s. Lower values follow views faster; higher values cost less: a measurement renders `frames` frames of its part of the image at
-    /// the best settings.
+    /// Mean time from the 64th measurement to the next; earlier ones follow sooner, later ones
+    /// later: see [`interval`](Self::interval). Lower values follow views faster; higher values
+    /// cost less: a measurement renders [`frames`](Self::frames) frames of its part at the best
+    /// settings. Default: 20 s.
     pub period: Duration,
-    /// Share of the image's width and height that is measured, 0 to 1; rounded down to a part with
-    /// the image's exact aspect ratio. Default: ¼. All of it where an effect of the camera needs all,
-    /// such as bloom, depth of field, or automatic exposure. Its place changes from measurement to
-    /// measurement. Higher values vary less; lower values cost less.
+    /// Share of the image's width and height that is measured, 0 to 1; NaN counts as 1. Each
+    /// measurement takes another part. Higher values vary less; lower values cost less. Default: ¼.
+    ///
+    /// The part has exactly the image's aspect ratio: its size is rounded down accordingly, but not
+    /// below the smallest such size (half of 1366 × 768). All of the image is measured where an
+    /// effect needs it, such as bloom, depth of field, or automatic exposure.
     pub share: f32,
-    /// Frames that the hidden camera renders before it is compared, at least 2, and at least 16 with
-    /// temporal antialiasing. Default: 4. Higher
-    /// values have less noise in the reference: its history is longer. Lower values cost less; with 3 and
-    /// 2 of them errors of 0.016 are measured as 0.019.
+    /// Frames that the hidden camera renders before it is compared, at least 2, and at least 16
+    /// with temporal antialiasing. Higher values: a longer history, so less noise in the reference.
+    /// Lower values: cheaper, but the reference's noise adds to the measured error. Default: 4.
     pub frames: u32,
 }
 
@@ -74,10 +77,10 @@ impl Default for ErrorMeter {
 }
 
 impl ErrorMeter {
-    /// Time from measurement number `count` to the next. No fixed period, which would meet the
-    /// same views of a round again and again: ½ to 1½ times a mean, by the golden ratio. The mean is
-    /// a quarter of `period` for 16 measurements, and then rises in proportion to their number,
-    /// up to three times `period`: the more are known, the less another one says.
+    /// Time from measurement number `count` to the next: ½ to 1½ times a mean, by the golden ratio.
+    /// A fixed period could meet the same views of a round again and again. The mean is a quarter
+    /// of `period` up to the 16th measurement. Then it grows in proportion to `count`, up to three
+    /// times `period`, since each further measurement says less.
     pub fn interval(&self, count: u32) -> Duration {
         let count = f64::from(count);
         let stretch = (count / STEADY).clamp(STRETCH[0], STRETCH[1]);

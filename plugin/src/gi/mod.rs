@@ -8,7 +8,7 @@
 //! | folder | world | job |
 //! |---|---|---|
 //! | `settings`, `schedule` | both | settings of a camera; the order of all systems and passes |
-//! | `compute` | render | what every compute pass begins and ends with |
+//! | `compute` | render | pipelines, buffers and encoding that all compute passes share |
 //! | `texels` | render | one store of texels: position, normal, area, reflected or emitted flux |
 //! | `view` | both | data of a GI camera and of the frame that all passes share |
 //! | `surfaces` | both | reads geometry, textures and masks from mesh and material assets |
@@ -20,10 +20,10 @@
 //! | `bounces` | both | further bounces: lights surface patches, whose reflected flux joins the texels |
 //! | `camera` | render | decides the work of each GI camera in a frame |
 //! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
-//! | `cache` | render | the same at the cheap end: light that is kept in cells of surface |
-//! | `forward` | both | the same around the camera, for meshes that are not deferred |
+//! | `cache` | render | in place of `gather` and `denoise`: irradiance kept in cells of surface |
+//! | `forward` | both | irradiance on a grid around the camera, for meshes that are not deferred |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
-//! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
+//! | `composite` | render | upsamples the irradiance (joint bilateral); adds it before tone mapping |
 //! | `diagnostics`, `inspect` | both | counters; access to buffers, for tests |
 
 mod bounces;
@@ -75,15 +75,16 @@ pub use surfaces::GiTextureCopies;
 pub use trace::GiOccluders;
 pub use view::{CameraCut, GiRefresh};
 
-/// Adds [`FrugalGi`] to an app.
+/// Renders global illumination on cameras with [`FrugalGi`].
 #[derive(Clone, Debug)]
 pub struct GiPlugin {
-    /// Makes deferred rendering the default of the whole app.
+    /// Whether deferred rendering is the app's default. Default: true. If false, materials that do
+    /// not ask for deferred rendering receive coarser indirect light, see
+    /// [`forward_spacing`](FrugalGi::forward_spacing).
     ///
-    /// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a
-    /// camera that has no prepass, and panics at one that has another prepass. It gets a
-    /// `DepthPrepass`, too: without one, Bevy's deferred lighting does not know where surfaces are,
-    /// and point and spot lights leave them black. Without this default, only materials that are
+    /// If true, every `Camera3d` gets two prepasses. Without a `DeferredPrepass`, Bevy draws no
+    /// deferred mesh, or panics where the camera has another prepass. Without a `DepthPrepass`,
+    /// point and spot lights leave deferred surfaces black.
     /// deferred by themselves receive indirect light.
     pub deferred_by_default: bool,
 }

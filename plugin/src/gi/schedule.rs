@@ -199,10 +199,10 @@ pub enum GiSupport {
     /// There is no renderer.
     #[default]
     NoRenderer,
-    /// It does.
+    /// The device supports it.
     Full,
-    /// It does not: these limits are too low. Global illumination stays off, and the app keeps
-    /// Bevy's own light.
+    /// The device does not: these limits are too low. Global illumination stays off, and the app
+    /// keeps Bevy's own light.
     Lacking(Vec<&'static str>),
 }
 

@@ -8,100 +8,107 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::view::Msaa;
 
-/// Global illumination on this camera: one or more diffuse [bounces](Self::bounces) of every
-/// directional, spot and point light, from virtual point lights (VPLs) sampled in reflective shadow
-/// maps; light of emissive surfaces; and shadowed light of the camera's
-/// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight).
+/// Global illumination on this camera, from three sources: diffuse [bounces](Self::bounces) of
+/// directional, spot and point lights, by virtual point lights (VPLs) sampled in reflective shadow
+/// maps; emissive surfaces; and the camera's
+/// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), with shadows.
 ///
-/// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no
+/// Needs deferred rendering, which [`GiPlugin`](super::GiPlugin) makes the default, and no
 /// multisampling. A camera without this component costs nothing.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
 pub struct FrugalGi {
-    /// Number of virtual point lights for the whole image. Every low-resolution pixel evaluates its
-    /// [interleaved](Self::interleave) share of them. Higher values: smoother, and nearer the
-    /// reference. Lower values: blotchier. 0 turns GI off: nothing is rendered, allocated or
-    /// dispatched for it. At most [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT), and at most
-    /// [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL) for a pixel.
+    /// Number of virtual point lights (VPLs) for the whole image, 0 to
+    /// [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT). Each low-resolution pixel evaluates its
+    /// [interleaved](Self::interleave) share, at most
+    /// [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL). Higher values: less noise, at proportional
+    /// cost. Lower values: blotchier. 0 turns GI off, at no cost. Default: 1024.
     pub vpl_count: u32,
-    /// Side of the square of low-resolution pixels among which the VPLs are interleaved. Larger:
-    /// cheaper in proportion to its area, and softer, since a filter along surfaces averages over
-    /// the square. Smaller: finer detail at edges and on small objects.
+    /// Side of a square of low-resolution pixels that share the VPLs: each evaluates another part,
+    /// and a filter along surfaces averages the square. Larger: softer, and cheaper in proportion
+    /// to the square's area. Smaller: finer detail at edges and on small objects. Default: `Four`.
     pub interleave: GiInterleave,
-    /// Visibility of VPLs from surfaces. Finer: less noise in indirect shadows, more rays. With
-    /// [`Cached`](GiVisibility::Cached) surfaces share rays, from frame to frame.
+    /// Rays from surfaces to VPLs. Finer: less noise in indirect shadows, more rays.
+    /// [`Cached`](GiVisibility::Cached) shares rays among pixels and frames. Default: `Coarse`.
     pub visibility: GiVisibility,
-    /// Samples of the sky that every low-resolution pixel evaluates, where the camera has an
-    /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions sampled by the map's
-    /// radiance times its visibility from the surfaces in view, one set for each pixel of the
-    /// [`interleave`](Self::interleave) square. [`visibility`](Self::visibility) sets the number of
-    /// rays to the sky, too. Higher values: less noise in the sky's shadows, and a finer map. With
-    /// 0, or without rays, Bevy's own unshadowed diffuse light of the map stays. Else ours replaces
-    /// it (Bevy's reflections stay), also on meshes that are not deferred, which then receive it
-    /// within reach of [`forward_spacing`](Self::forward_spacing). At most
-    /// [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
+    /// Samples of the camera's [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight) for each
+    /// low-resolution pixel, 0 to [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
+    /// Directions are sampled by the map's radiance times its visibility from the surfaces in view.
+    /// [`visibility`](Self::visibility) sets the number of rays. Higher values: less noise in the
+    /// sky's shadows and a finer map, at proportional cost. Default: 16.
+    ///
+    /// The samples replace Bevy's diffuse light of the map, also on meshes that are not deferred,
+    /// within reach of [`forward_spacing`](Self::forward_spacing). Bevy's reflections stay. With 0,
+    /// or without rays, Bevy's unshadowed diffuse light stays.
     pub environment_samples: u32,
-    /// Number of diffuse bounces. Emissive surfaces and the sky get one fewer. Without
-    /// [`visibility`](Self::visibility) it is 1. Higher values: brighter shadows and rooms, nearer
-    /// the converged solution (at an albedo of one half, 1 yields half of all indirect light, 2
-    /// three quarters). Each further bounce costs a pass over the maps' texels and 16,384 rays
-    /// (20,480 with a sky), but not in every frame: only when the maps are rendered, when the sky
-    /// or these settings change, and when the camera has moved by a fortieth of
-    /// [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES).
+    /// Number of diffuse bounces, 1 to [`MAX_BOUNCES`](Self::MAX_BOUNCES). Emissive surfaces and
+    /// the sky get one fewer. Without [`visibility`](Self::visibility) it is 1. Higher values:
+    /// brighter shadows and rooms, nearer the converged solution (at an albedo of one half, 1
+    /// yields half of all indirect light, 2 three quarters). Default: 1.
+    ///
+    /// Each further bounce costs a pass over the maps' texels and 16,384 rays (20,480 with a sky).
+    /// It runs when the maps are rendered, when the sky or these settings change, and after the
+    /// camera has moved by a fortieth of [`range`](Self::range); under a sky that is generated in
+    /// every frame, it runs in every frame.
     pub bounces: u32,
-    /// Whether emissive surfaces light others: visible meshes of a `StandardMaterial` with
-    /// `emissive`, but unlit and skinned ones. Costs nothing where there are none.
+    /// Whether emissive surfaces light others: visible meshes whose `StandardMaterial` has
+    /// `emissive`, except unlit and skinned ones. Costs nothing without such meshes. Default: true.
     pub emissive: bool,
     /// Share of pixels at which the VPLs are gathered; the others are upsampled along surfaces.
     /// Higher values: finer indirect detail, at proportional cost. Lower values: indirect light
-    /// blurs across small features.
+    /// blurs across small features. Default: `Quarter`.
     pub pixel_fraction: GiPixelFraction,
-    /// Texels along the edge of a directional or spot light's reflective shadow map (a point
-    /// light's six faces have a quarter as many, but 32 where that is less and half is more).
-    /// Higher values: smaller lit features are captured, and the map's rasterisation costs more. In
-    /// 16 to 2048.
+    /// Texels along the edge of a directional or spot light's reflective shadow map, 16 to 2048.
+    /// Two cascades of a directional light have 11/16 as many each; a point light's six maps a
+    /// quarter as many, at least 32 and at most half. Higher values: smaller lit features are
+    /// captured, and rasterisation costs more. Default: 128.
     pub rsm_resolution: u32,
-    /// Period, in frames, at which the maps are rendered and VPLs sampled while something moves.
-    /// Higher values: light that moves, and light on moving surfaces, lags by as many frames, and
-    /// the maps cost that much less. 1: no lag. While nothing moves, nothing is rendered again; see
-    /// [`GiRefresh`](super::GiRefresh). Cameras that share lights share the shortest period.
+    /// Period, in frames, at which maps are rendered and VPLs sampled while something moves; 0
+    /// counts as 1. Higher values: the maps cost that much less; moving lights, and light on moving
+    /// surfaces, lag by as many frames. 1: no lag. While nothing moves, nothing is rendered again;
+    /// see [`GiRefresh`](super::GiRefresh). Maps follow the shortest period of all active cameras.
+    /// Default: 1.
     pub refresh_period: u32,
-    /// Radius around the camera, in metres, within which directional lights bounce; for a camera
-    /// outside the scene's bounding box, around where its view enters the box, and at least what
-    /// fills the view there. Light fades over the outer quarter of the radius. Scenes smaller than
-    /// twice the radius are covered as a whole. A second, finer cascade covers 0.3 of the radius,
-    /// where that is much less than the scene. Higher values: more distant bounces, fewer
-    /// texels on near surfaces.
+    /// Radius around the camera, in metres, within which directional lights bounce; above 0 and
+    /// finite, other values cover the whole scene. For a camera outside the scene's bounding box,
+    /// the centre is where its view enters the box, and the radius at least what fills the view
+    /// there. Light fades over the outer quarter. Scenes smaller than twice the radius are covered
+    /// as a whole. A finer cascade covers 0.3 of the radius, where that is much less than the
+    /// scene. Higher values: more distant bounces, fewer texels on near surfaces. Default: 40.
     pub range: f32,
-    /// Length of temporal accumulation, in frames, while something moves. History is rejected at
-    /// disocclusions and where luminance changes by 95 % or more (lights that are switched). Higher
-    /// values: less flicker, and light that moves lags by about as many frames. 1: no accumulation.
-    /// In 1 to 64. Not across a [cut](super::CameraCut).
+    /// Length of temporal accumulation, in frames, while something moves, 1 to 64. Higher values:
+    /// less flicker, and moving light lags by about as many frames. 1: no accumulation. History is
+    /// rejected at disocclusions, where luminance changes by 95 % or more (a light is switched),
+    /// and at a [cut](super::CameraCut). Default: 32.
     pub history_frames: u32,
-    /// Frames for which a camera at rest goes on gathering, each with other samples: the image
-    /// converges to their mean, and then nothing is gathered until something changes. Higher values:
-    /// less noise and finer detail at rest, and the gather's cost for that much longer after each
-    /// stop. 0: history fades out, and the noise of the last gather stays. In 0 to
-    /// [`MAX_REST_FRAMES`](Self::MAX_REST_FRAMES). Without [`visibility`](Self::visibility) and
-    /// [`interleave`](Self::interleave) there is no history, and nothing to average.
+    /// Frames for which a camera at rest goes on gathering, 0 to
+    /// [`MAX_REST_FRAMES`](Self::MAX_REST_FRAMES). Each takes other samples, and the image
+    /// converges to their mean; then nothing is gathered until something changes. Higher values:
+    /// less noise and finer detail at rest, at the gather's cost for longer after each stop. 0:
+    /// history fades out, and the noise of the last gather stays. No effect with
+    /// `GiVisibility::None` and `GiInterleave::One` together, where there is no noise. Default: 64.
     pub rest_frames: u32,
     /// Whether Bevy's [irradiance volumes](bevy::light::IrradianceVolume) light the camera while it
-    /// gathers. `true` suits volumes that hold only what is not gathered, such as light of
-    /// punctual lights without a map; else their light counts twice. Where GI is off they always do.
+    /// gathers. Use `true` where volumes hold only light that GI lacks, such as punctual lights
+    /// without a map; other light counts twice. Volumes always light a camera whose GI is off.
+    /// Default: false.
     pub irradiance_volumes: bool,
-    /// Distance between the places around the camera, in metres, at which light is sampled for meshes
-    /// that are not deferred: forward-rendered, transparent and transmissive ones of any material
-    /// that Bevy lights. There are 32 × 16 × 32 places. They exist once the camera draws such a mesh,
-    /// need [`visibility`](Self::visibility), and cost 2.4 MB; in a frame up to 8,192 rays to VPLs, as
-    /// many to the sky, and as many to neighbours, and none once nothing changes. Higher values: light
-    /// reaches farther from the camera (16 steps, 8 upwards), is coarser, and leaks through walls
-    /// thinner than a step. In 0.01 to 100. 0, or with
-    /// [`irradiance_volumes`](Self::irradiance_volumes): such meshes receive none.
+    /// Distance, in metres, between the 32 × 16 × 32 places around the camera at which light is
+    /// sampled for meshes that are not deferred: forward-rendered, transparent and transmissive
+    /// ones of any material that Bevy lights. 0.01 to 100; with 0, or with
+    /// [`irradiance_volumes`](Self::irradiance_volumes), such meshes receive none. Higher values:
+    /// light reaches farther from the camera (16 steps, 8 upwards), is coarser, and leaks through
+    /// walls thinner than a step. Default: 0.5.
+    ///
+    /// The places exist once the camera draws such a mesh. They need
+    /// [`visibility`](Self::visibility) and 2.4 MB. A frame traces up to 8,192 rays to VPLs, as
+    /// many to the sky and as many to neighbours: eight times as many after a cut or a jump, and
+    /// none once nothing changes.
     pub forward_spacing: f32,
-    /// Reflection model of indirect light. Costs nothing.
+    /// Reflection model of indirect light; all cost the same. Default: `Standard`.
     pub shading: GiShading,
-    /// Output written to the image.
+    /// What GI writes to the image. Default: `Added`.
     pub output: GiOutput,
 }
 
@@ -251,12 +258,12 @@ impl GiInterleave {
 pub enum GiVisibility {
     /// No rays: light leaks through walls.
     None,
-    /// At most 4,096 places of the image are lit in a frame, by two rays each, whatever its size; about
-    /// as many rays again find the cells that they light while a view is new. What they receive is kept
-    /// in the world, in cells of surface of 0.9 degrees or more, which all pixels show: far fewer rays
-    /// than `Coarse` (at 640×360 less than half), none once nothing changes, no filters, and 4 MB.
-    /// Softer: shadows smaller than a cell are lost. After a cut light is coarse for some frames. Where
-    /// lights or meshes change, a quarter of the old light is left after twelve frames.
+    /// Two rays each for at most 4,096 pixels of a frame, at any resolution. Their light is kept in
+    /// the world, in cells of surface of at least 0.9 degrees, and all pixels show the cells. While
+    /// a view is new, about as many rays again find the cells that a pixel lights. Cheaper than
+    /// `Coarse`: fewer rays, none once nothing changes, no filters; takes 4 MB. Softer: shadows
+    /// smaller than a cell are lost. After a cut, light is coarse for some frames. After a change
+    /// of lights or meshes, old light fades within 28 frames.
     Cached,
     /// Two rays per low-resolution pixel.
     #[default]
@@ -269,7 +276,7 @@ impl GiVisibility {
     /// All, cheapest first.
     pub const ALL: [Self; 4] = [Self::None, Self::Cached, Self::Coarse, Self::Fine];
 
-    /// Rays to VPLs per low-resolution pixel, or per place that is lit.
+    /// Rays to VPLs per low-resolution pixel; with `Cached`, per sampled pixel.
     pub const fn rays(self) -> u32 {
         match self {
             Self::None => 0,
@@ -278,7 +285,7 @@ impl GiVisibility {
         }
     }
 
-    /// Rays to the sky per low-resolution pixel, or per place that is lit, where the sky is gathered.
+    /// Rays to the sky per low-resolution pixel (`Cached`: sampled pixel), where it is gathered.
     pub const fn sky_rays(self) -> u32 {
         match self {
             Self::None => 0,
@@ -300,11 +307,10 @@ pub enum GiShading {
     /// Lambertian references.
     #[doc(hidden)]
     Lambertian,
-    /// The albedo of Bevy's own shading under uniform incident light: its diffuse term, which
-    /// reflects more at grazing angles the rougher a surface is, and its specular term, by which
-    /// metals reflect. Correct in the mean, without highlights of single bright spots. The specular
-    /// term fades out below a perceptual roughness of 0.4 and is gone at 0.2: such surfaces are
-    /// left to screen-space reflections.
+    /// The albedo of Bevy's shading under uniform incident light. Its diffuse term reflects more at
+    /// grazing angles on rougher surfaces; by its specular term metals reflect. Correct in the
+    /// mean, without highlights of single bright spots. The specular term fades below a perceptual
+    /// roughness of 0.4, to nothing at 0.2: such surfaces are left to screen-space reflections.
     #[default]
     Standard,
 }
@@ -325,19 +331,19 @@ pub enum GiOutput {
     MapsOnly,
 }
 
-/// Limits for the whole app.
+/// Limits of GI's work, for the whole app.
 #[derive(Resource, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct GiLimits {
-    /// Most reflective shadow maps (a point light has six). Where lights need more, those that
-    /// illuminate the surroundings of a GI camera most keep theirs; others fade in and out as the
-    /// camera moves. Higher values: more lights bounce; each map's texels take memory, and time where
-    /// VPLs are sampled.
+    /// Most reflective shadow maps; a point light has six. Where lights need more, maps go to the
+    /// lights that most illuminate the surroundings of a GI camera; others fade in and out as it
+    /// moves. Higher values: more lights bounce; each map takes memory, and time where VPLs are
+    /// sampled. Default: 384.
     pub max_rsm_count: usize,
-    /// Most maps rendered in a frame, but at least those of one light. Maps that are not out of date
-    /// need none; of the others, those that matter most or have waited longest come first. A map
-    /// costs about as much as a shadow map. Higher values: light follows sooner where many maps
-    /// change at once. After a [cut](super::CameraCut) all are rendered.
+    /// Most maps rendered in a frame, but at least those of one light. Of the maps that are out of
+    /// date, those that matter most or have waited longest come first. A map costs about as much as
+    /// a shadow map. Higher values: light follows sooner where many maps change at once. After a
+    /// [cut](super::CameraCut) all are rendered. Default: 24.
     pub max_rsms_per_frame: usize,
 }
 

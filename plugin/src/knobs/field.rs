@@ -20,9 +20,9 @@ pub struct KnobField<C, T> {
 impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + Clone + 'static> KnobField<C, T> {
     /// A field of the camera's component `C`; without effect on a camera that lacks it.
     ///
-    /// `field` accesses it, in clones too: one per frame, so `C` should be cheap to clone. `value`
-    /// returns its value at a level. It also receives the value that the app authored, and decides
-    /// whether that is a bound, the base of a share, or ignored.
+    /// `field` borrows the field. It is called on a clone once per frame, so `C` should be cheap to
+    /// clone. `value` takes a level and the value that the app authored, and returns the value to
+    /// write: the smaller of both, for example, or a share of the authored one.
     pub fn new(field: fn(&mut C) -> &mut T, value: fn(&Level, T) -> T) -> Self {
         Self {
             field: Field(field),

@@ -98,8 +98,8 @@ pub struct Count {
     pub range: Option<Joules>,
 }
 
-/// A source of energy or power. A meter tells what it reads; whether that can be true is judged
-/// by who samples it, in the same way for every meter.
+/// A source of energy or power. It returns raw readings; the sampler judges them, in the same way
+/// for every meter.
 pub trait PowerMeter: Send {
     /// Name, provenance and coverage. The same for the same device after a restart of the machine.
     fn info(&self) -> MeterInfo;

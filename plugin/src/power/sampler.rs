@@ -13,7 +13,7 @@ use crate::power::tracker::{Moment, PowerTracker};
 use crate::power::{MeterError, MeterState, OpenMeterError, PowerMeter, PowerSnapshot};
 
 /// Shortest time between an app's readings. Faster polling costs more power than the extra readings
-/// are worth: at 1 kHz, polling alone slowed programs by tens of percent.
+/// are worth.
 const MIN_INTERVAL: Duration = Duration::from_millis(50);
 /// Time between readings of a measurement, which sees each step of a counter.
 const FINE_INTERVAL: Duration = Duration::from_millis(5);

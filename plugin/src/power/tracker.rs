@@ -66,7 +66,7 @@ pub enum MeterState {
         /// The meter's error or fault.
         reason: String,
     },
-    /// There is no meter, and polling has ended.
+    /// No meter is open. Unless metering is off, opening one is tried again.
     Unavailable {
         /// Why there is no meter.
         reason: String,

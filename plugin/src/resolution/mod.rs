@@ -3,10 +3,9 @@
 //!
 //! Bevy 0.19's own mechanisms do not work for a deferred camera: no shader reads its resolution
 //! override, and a smaller viewport breaks ambient occlusion. So this module gives the extracted
-//! camera a smaller size and no viewport before any of its textures is made, and textures of its
-//! own (`scaled`), and its own pass writes the target, or the viewport's part of it, in
-//! place of Bevy's unfiltered blit (`upscale`). At scale 1 none of that applies, and the image is
-//! bit-identical to Bevy's.
+//! camera a smaller size, no viewport, and textures of its own (`scaled`), before Bevy makes any.
+//! Its own pass filters the image into the target, or the viewport's part of it, in place of Bevy's
+//! blit (`upscale`). At scale 1 none of that applies, and the image is bit-identical to Bevy's.
 
 mod scaled;
 mod upscale;

@@ -38,12 +38,13 @@ impl Default for BatterySettings {
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct BatteryLevel {
-    /// Energy that is left, in joules (a watt-hour is 3600 J); finite, at least 0. `None`: there is no
-    /// battery, or a charger feeds the machine; after ten seconds of it there is no limit. A number
-    /// that is invalid is unknown: the last energy counts, less what was drawn since. Default: `None`.
+    /// Energy that is left, in joules (a watt-hour is 3600 J); finite, at least 0. `None`: there is
+    /// no battery, or a charger feeds the machine; the limit ends after ten seconds of it. An
+    /// invalid number is unknown: the last energy then counts, less what was drawn since. Default:
+    /// `None`.
     pub energy: Option<Joules>,
-    /// Power that the battery gives, in watts; finite, at least 0. `None`: it is found by the fall
-    /// of the energy. Default: `None`.
+    /// Power drawn from the battery, in watts; finite, at least 0. `None`: derived from the fall of
+    /// the energy. Default: `None`.
     pub power: Option<Watts>,
 }
 

@@ -1,4 +1,4 @@
-//! What budgets in other currencies than watts are kept by: frame time, battery and heat.
+//! Signals for budgets of frame time, battery and heat, which are not in watts.
 //!
 //! | resource | written by | holds |
 //! |---|---|---|
@@ -6,7 +6,7 @@
 //! | [`BatteryLevel`] | this module on Linux, macOS and Windows, or the app | the energy that is left, and the power drawn |
 //! | [`ThermalHeadroom`] | the app | how far the device is from throttling |
 //!
-//! A number that is none (NaN, or out of its range) counts as unknown.
+//! Invalid numbers, such as NaN, count as unknown.
 
 mod battery;
 
@@ -23,10 +23,9 @@ pub use battery::{BatteryLevel, BatterySettings};
 /// The time that a frame's work takes, for budgets of frame time.
 ///
 /// Without the app's own figure it is the time from frame to frame, less what
-/// [`FrameRateLimit`](crate::pacing::FrameRateLimit) waits. A frame of more than 0.25 s counts from the
-/// third in succession, and one of more than 4 s never: the app loads, or waits for events. With
-/// vertical synchronisation the time is never less than the display's interval, whatever the work:
-/// write the GPU's time then.
+/// [`FrameRateLimit`](crate::pacing::FrameRateLimit) waits. Frames above 0.25 s count from the
+/// third in succession, frames above 4 s never: the app loads, or waits for events. Vertical
+/// synchronisation hides work shorter than the display's interval: with it, write the GPU's time.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct FrameTime {

@@ -2,7 +2,7 @@
 //!
 //! | folder or file | job |
 //! |---|---|
-//! | `plugin` | [`StagePlugin`] in the app of a game: nothing at all until `frugal` starts it |
+//! | `plugin` | [`StagePlugin`], which a game adds; does nothing unless `frugal` starts the game |
 //! | `level` | whether the app's level is there |
 //! | `camera` | the camera that is measured: which one, and how it is taken over |
 //! | `adapter` | what the renderer will run on |
@@ -14,8 +14,8 @@
 //! | `evaluator` | power and error of settings over a clip |
 //! | `protocol` | the messages between the tool and an app |
 //!
-//! There is no window: the clock is stepped, and a frame ends when the GPU is done. Nothing here is
-//! meant for an app that ships: leave the feature `stage` out of it.
+//! There is no window: the clock is stepped, and a frame ends when the GPU is done. Leave the
+//! feature `stage` out of apps that ship.
 
 mod adapter;
 mod camera;

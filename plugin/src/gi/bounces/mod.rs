@@ -1,11 +1,10 @@
 //! Further bounces: light that surfaces reflect a second time and more.
 //!
-//! Points on all surfaces of the scene represent pieces of them, as in radiosity: *patches*. When
-//! the maps are rendered, bounce VPLs, sampled by flux and by importance to the patches, light each
-//! patch, and so does the camera's sky. The reflected flux becomes a texel behind those of the maps
-//! and of emissive surfaces, and is weighted, sampled, gathered, shadowed and denoised like theirs.
-//! Each further bounce repeats this (Jacobi iteration of the radiosity equation: Goral et al.
-//! 1984).
+//! As in radiosity, points on all surfaces of the scene represent pieces of them: *patches*. When
+//! the maps are rendered, the camera's sky lights each patch, and so do bounce VPLs, sampled by
+//! flux and by importance to the patches. A patch's reflected flux becomes a texel behind those of
+//! the maps and of emissive surfaces, and is treated like theirs. Each further bounce repeats this
+//! (Jacobi iteration of the radiosity equation: Goral et al. 1984).
 //!
 //! | file | world | job |
 //! |---|---|---|

@@ -1,28 +1,28 @@
-//! The cheap end: indirect light on surfaces, kept in the world from frame to frame, in place of the
-//! gather and its filters.
+//! The cheap alternative to the gather and its filters: keeps indirect light on surfaces, in the
+//! world, from frame to frame.
 //!
-//! A hash table holds square cells of surface, whose size grows with the distance at which they are
-//! first seen. In a frame, light is sampled at one pixel of each tile of the image, and added to that
-//! pixel's cell and to coarser cells around it. Pixels show the mean of their cells, interpolated; few
-//! samples are completed by those of coarser cells. Cells with enough samples take no more, and light
-//! that is out of date fades.
+//! A hash table holds square cells of surface; the farther away a cell is first seen, the larger it
+//! is. Each frame samples light at one pixel of each tile of the image, and adds it to that pixel's
+//! cell and to coarser cells around it. A pixel shows the interpolated mean of its cells; coarser
+//! ones complete cells of few samples. Cells with enough samples take no more. Outdated light
+//! fades.
 //!
 //! | file | job |
 //! |---|---|
-//! | `grid.wgsl` | from a point of a surface to cells |
+//! | `grid.wgsl` | finds the cells of a point of a surface |
 //! | `table.wgsl` | the table: keys and cells |
-//! | `record.wgsl` | what is sampled in a tile |
-//! | `sight.wgsl` | what cells see of each other |
-//! | `age.wgsl` | lets light fade that is out of date; drops cells |
+//! | `record.wgsl` | the format of what is sampled in a tile |
+//! | `sight.wgsl` | visibility between cells |
+//! | `age.wgsl` | fades outdated light; drops cells |
 //! | `place.wgsl` | chooses pixels and decides what is sampled there |
-//! | `light.wgsl` | lights them, as the gather does pixels |
-//! | `store.wgsl` | adds that to cells |
+//! | `light.wgsl` | lights the chosen pixels, as the gather does |
+//! | `store.wgsl` | adds their light to cells |
 //! | `resolve.wgsl` | irradiance of low-resolution pixels |
 //! | `view` | a camera's buffers |
 //! | `passes` | pipelines, and the passes in their order |
 //!
-//! What the table holds does not depend on the order in which the GPU's threads run: light is added as
-//! whole numbers, and decisions read what the frame before left.
+//! The order of the GPU's threads does not matter: light is added as integers, and decisions read
+//! the state of the frame before.
 
 mod passes;
 mod view;

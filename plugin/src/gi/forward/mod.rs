@@ -3,11 +3,12 @@
 //! A grid of places around the camera, fixed in the world, keeps the irradiance of six directions
 //! (an ambient cube: Mitchell, `McTaggart` and Green 2006, "Shading in Valve's Source Engine"). Each
 //! frame lights some of the places by the camera's VPLs and its sky, with rays. Bevy shades forward
-//! meshes from them as from a baked irradiance volume, so that every material that Bevy lights takes
-//! part. Deferred lighting would read the same volume: while it runs, the volume is black. It is
-//! filled after the composite.
+//! frame lights some of the places by the camera's VPLs and its sky, with rays. Bevy shades forward
+//! meshes from them as from a baked irradiance volume, so that every material that Bevy lights
+//! takes part. Deferred lighting would read the volume, too: it stays black until the composite is
+//! done.
 //!
-//! Places inside of solids, which see a back of a triangle before a front, show the mean of the
+//! A place inside a solid sees the back of a triangle before a front. It shows the mean of its
 //! neighbours outside.
 //!
 //! | file | world | job |
@@ -19,7 +20,7 @@
 //! | `light.wgsl` | | lights places |
 //! | `fill.wgsl` | | writes the volume, and blackens it |
 //!
-//! While nothing changes, places take no more rays once they have settled.
+//! While nothing changes, settled places trace no rays.
 
 mod passes;
 mod view;

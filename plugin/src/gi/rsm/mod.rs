@@ -5,14 +5,14 @@
 //! skins, morphs and extended materials. They have no clusters, so Bevy gives them no cascades and
 //! no light lists, and their main phases are removed.
 //!
-//! A map is rendered when its light changes, or when something does that it can show, and then only
-//! as soon as the app's limit of maps in a frame allows. After a mesh, a texture or a material is
-//! added, all are rendered for a few more frames, since it may not be rendered in its first.
+//! A map is out of date when its light, or anything that it can show, changes. It is rendered as
+//! soon as the app's limit of maps in a frame allows. After a mesh, a texture or a material is
+//! added, all maps are rendered for a few more frames, since Bevy may not draw it in its first.
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `lights`, `air` | main | the lights that bounce, and what the atmosphere leaves of them |
-//! | `focus`, `region` | none | what maps of parallel light cover |
+//! | `lights`, `air` | main | the lights that bounce, and their attenuation by the atmosphere |
+//! | `focus`, `region` | none | the part of the scene that maps of directional lights cover |
 //! | `selection`, `slots` | main | which lights have maps, and where their texels lie |
 //! | `specs` | main | the maps that should exist |
 //! | `map` | both | a map's data |

@@ -8,12 +8,12 @@
 //! | `mesh` | none | a mesh's triangles in a wide hierarchy, and an instance of it |
 //! | `micromap` | none | opacity micromaps of alpha masks |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
-//! | `skin` | main | what joints move of skinned meshes, and where |
+//! | `skin` | main | skinned meshes as rigid pieces, one for each joint |
 //! | `occluders` | main | which meshes occlude, and where they are |
-//! | `geometry`, `arena` | main | all hierarchies in one array, each in its place |
+//! | `geometry`, `arena` | main | all hierarchies in one array |
 //! | `top` | main | the hierarchy over instances, edited as meshes come, move and go |
-//! | `mirror` | none | arrays that know what the GPU's copy lacks |
-//! | `buffers` | render | keeps all on the GPU |
+//! | `mirror` | none | arrays that track what the GPU's copy lacks |
+//! | `buffers` | render | the GPU's copies |
 //! | `trace.wgsl` | | occlusion between two points |
 //!
 //! Rays, not imperfect shadow maps (Ritschel et al. 2008): the gather needs only a few visibility

@@ -10,10 +10,10 @@ use bevy::render::extract_resource::ExtractResource;
 #[reflect(Resource, Default, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum GiRefresh {
-    /// When something moved or changed: meshes, their materials' handles, standard materials,
-    /// images, lights, skins, morphs; for the gather, the camera, too. While any mesh has a material of
-    /// another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material may change by
-    /// itself.
+    /// When meshes, their materials' handles, standard materials, images, lights, skins or morphs
+    /// moved or changed. Cameras also gather when they moved. While any mesh has another kind of
+    /// material, all is as with [`EveryFrame`](Self::EveryFrame), since such a material may change
+    /// by itself.
     #[default]
     OnChange,
     /// As `OnChange`, but cameras gather in every frame, as if they moved. Measures the cost of a

@@ -106,8 +106,7 @@ pub(super) fn bounces() -> FieldKnob {
 }
 
 /// Texels along the edge of each reflective shadow map. Higher levels capture smaller lit features;
-/// the cost of rasterisation grows with the square. 512 would cost about twice as much as 256 for
-/// nearly the same image.
+/// the cost of rasterisation grows with the square.
 pub(super) fn rsm_resolution() -> FieldKnob {
     FieldKnob::new(
         Knob::new("rsm_resolution", [64.0, 128.0, 256.0]).needing("gi_vpl_count", 1),
