@@ -3,7 +3,7 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | [`files`] | output files that are old or whole, never half |
+//! | [`files`] | output files that are replaced as a whole |
 //! | [`journal`] | the append-only file from which a killed run continues |
 //! | [`cameras`] | positions of training and calibration cameras |
 //! | [`view_features`] | what a view shows, in twenty numbers |

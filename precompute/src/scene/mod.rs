@@ -6,7 +6,7 @@
 //! | `path` | camera paths between keys |
 //! | `document` | what Bevy's loader does not read of a glTF file |
 //! | `spawn` | a description's geometry in an app |
-//! | `geometry` | the same as plain data |
+//! | `geometry` | a description's geometry as plain data |
 //! | `built_in` | the scenes that come with the tool |
 //! | `check`, `locate` | rules of a description; line and column of a field |
 //! | `fingerprint` | a scene's identity |

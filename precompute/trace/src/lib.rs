@@ -23,22 +23,22 @@
 //!
 //! # Methods
 //!
-//! Features are off by default. The examples of the same names measure them.
+//! All but the guide are features, off by default. The examples `guiding`, `caustics`, `time` as
+//! `transient`, `coded`, and `inverse` as `dual` measure them.
 //!
 //! | method | use it for | do not use it for |
 //! |---|---|---|
-//! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades: 2 to 3.7 times less squared error in equal time | open scenes, and doors ajar: 0.6 to 1.1 times |
-//! | `caustics` | light that metal throws onto matte surfaces, where paths leave bright dots | scenes without polished metal: photons find nothing to do |
+//! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades | open scenes, and doors ajar |
+//! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
 //! | `media` | fog in the reference image | fog in `time`: paths in fog carry no lengths |
-//! | `time` | transient images; what multipath does to a time-of-flight camera | still images: the same picture for more memory |
+//! | `time` | transient images; multipath errors of a time-of-flight camera | still images: the same picture for more memory |
 //! | `coded` | stripes that blinking lights draw in a rolling shutter, and codes in them | cameras with a global shutter |
 //! | `inverse` | tests of light transport: dual images, sources from the light they leave | pictures |
 //!
-//! Densities of caustics: the nearest 50 photons up to 100,000 of them, radii that adapt to the
-//! photons above.
+//! For caustics, use the nearest 50 photons up to 100,000 photons, and adaptive radii above.
 //!
-//! Mitsuba 3.9.1 has the same means within 0.15 % for an area light in a closed room, empty and in three
-//! fogs, and `mitransient` 1.3.1 the same light by nanosecond within noise.
+//! Means agree with Mitsuba 3.9.1 for an area light in a closed room, empty and in fog; light by
+//! time agrees with `mitransient` 1.3.1.
 
 pub mod bsdf;
 #[cfg(feature = "caustics")]

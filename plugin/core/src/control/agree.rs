@@ -1,9 +1,9 @@
 //! Levels of the knobs that the renderer keeps once for all cameras.
 //!
-//! The highest level that a camera asks for holds for all, and all pay for it: else one camera that
-//! asks for fine shadows would take the power of the others. Combinations of lower levels are tried
-//! unless all cameras get what they would choose alone: each for a few cameras, and one step down at
-//! a time for more.
+//! The highest level that a camera asks for holds for all, and all pay for it. One camera that asks
+//! for fine shadows could so take the others' power. Unless all cameras get what they would choose
+//! alone, lower levels are tried, too: all combinations for a few cameras, one step down at a time
+//! for more.
 
 use crate::frontier::SharedLevels;
 use crate::knobs::KnobLevels;

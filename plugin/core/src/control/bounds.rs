@@ -12,16 +12,14 @@ use bevy_reflect::std_traits::ReflectDefault;
 use crate::frontier::{Frontier, FrontierPoint};
 use crate::knobs::{KnobLevels, KnobSpace};
 
-/// Levels between which the controller may set this camera's knobs; all levels where a knob has no
-/// bound. The controller does its best with the rest, under the same budget.
+/// The lowest and the highest level that the controller may set, for each knob. A knob without
+/// bounds may take all levels. The controller does its best with the rest, under the same budget.
 ///
-/// A menu sets bounds here, or writes a level to the camera's
-/// `KnobSettings`: whoever changes a knob there beside the controller
-/// [pins](Self::pin) it. [`release`](Self::release) hands it back.
+/// A menu sets bounds here, or writes a level to the camera's `KnobSettings`, which
+/// [pins](Self::pin) that knob. [`release`](Self::release) hands it back to the controller.
 ///
-/// Bounds may leave no settings that meet the budget:
-/// `Selection::status` says so. Costs of settings that are on no frontier
-/// are interpolated; the app's power meter corrects them.
+/// `Selection::status` says whether settings within the bounds meet the budget. Costs of settings
+/// that are on no frontier are interpolated; the app's power meter corrects them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(
     feature = "bevy",

@@ -11,21 +11,22 @@ use bevy_reflect::std_traits::ReflectDefault;
 
 use crate::units::{Joules, Watts};
 
-/// Limits on a camera's power, error, and other currencies. Without a limit the controller selects the best
-/// settings.
+/// Limits on a camera's power, error and other quantities. Without limits the controller selects
+/// the best settings.
 ///
-/// - Power only: least error whose mean power stays within the limit. Dear views are paid for by cheap
-///   ones: every frame takes the settings with the least power + λ × error (Everett 1963).
-/// - Error only: least power whose mean error stays within the limit.
-/// - Both: least power whose mean error stays within the error limit, as long as that is within the
+/// - Power only: the least error whose mean power stays within the limit. Every frame takes the
+///   settings with the least power + λ × error (Everett 1963), so that cheap views pay for dear
+///   ones.
+/// - Error only: the least power whose mean error stays within the limit.
+/// - Both: the least power whose mean error stays within the error limit, if that is within the
 ///   power limit; else the least error within the power limit.
 ///
-/// Means are over the last [`horizon`](Self::horizon). What each frame may take is [`peak`](Self::peak).
+/// Means are over the last [`horizon`](Self::horizon). [`peak`](Self::peak) limits each frame.
 ///
-/// Limits of other currencies become power limits by signals of the app and its device, and the
-/// tightest one holds; `Selection::binding` names it. A limit begins
-/// with the first figure of its signal. Figures that are missing later are the last one for ten
-/// seconds, then the conservative one: no headroom, and a battery that goes on giving its power.
+/// Signals of the app and its device convert limits of other quantities into power limits. The
+/// tightest one holds; `Selection::binding` names it. A limit begins with the first value of its
+/// signal. If values go missing, the last one holds for ten seconds. Then the controller assumes
+/// the worst: no headroom, and a battery that goes on discharging.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(
     feature = "bevy",
@@ -34,47 +35,51 @@ use crate::units::{Joules, Watts};
 )]
 #[non_exhaustive]
 pub struct Budget {
-    /// Limit on the power averaged over the horizon, in watts, at the frame rate of the frontier map; at
-    /// least 0, infinity for no limit.
+    /// Limit on the mean power, in watts; at least 0, infinity for no limit. While the app's meter
+    /// corrects predictions, these are metered watts; else the map's, at the map's frame rate.
     ///
     /// Higher values improve quality and cost more power; lower values cost less and raise the
-    /// error. No settings cost 0 W: the controller then selects the cheapest and reports the unmet
-    /// limit in the selection.
+    /// error. Where even the cheapest settings need more, they are selected, and
+    /// `Selection::status` says so.
     pub power: Option<Watts>,
-    /// Limit on the error averaged over the horizon: 1 − SSIM against the best settings, 0 to 2; at
-    /// least 0, infinity for no limit.
+    /// Limit on the mean error: 1 − SSIM against the best settings, 0 to 2; at least 0, infinity
+    /// for no limit.
     ///
-    /// Higher values cost less power and lower quality; lower values cost more. Frames in which error is
-    /// expensive to reduce may exceed the limit.
+    /// Higher values cost less power and lower quality; lower values cost more. Single frames may
+    /// exceed the limit, where error is expensive to reduce.
     pub error: Option<f64>,
-    /// What the means are over. Batteries, skin and a chip's own limiter feel tens of seconds.
+    /// Time over which means are taken. Batteries, skin and a chip's own limiter react to tens of
+    /// seconds.
     ///
-    /// Higher values spend more where it is worth most, and let the power of single seconds differ more
-    /// from the limit; below a second every frame keeps the limits. Default: [`HORIZON`](Self::HORIZON).
+    /// Higher values spend more where it reduces error most, and let single seconds differ more
+    /// from the limit. Below 1 s every frame keeps the limits. Default: [`HORIZON`](Self::HORIZON).
     pub horizon: Duration,
-    /// Limit on the power of each frame, in watts; at least 0, infinity for no limit. For devices that
-    /// throttle at once.
+    /// Limit on the power of each frame, in watts; at least 0, infinity for no limit. For devices
+    /// that throttle at once. Lower values lower the quality of dear views.
     pub peak: Option<Watts>,
-    /// Limit on the mean energy of a frame, in joules; at least 0, infinity for no limit. The app's
-    /// power over its frame rate; without a meter that corrects predictions, the map's.
+    /// Limit on the mean energy of the app's frames, in joules; at least 0, infinity for no limit.
+    /// The cameras share it equally. It becomes power by the app's frame rate, or by the map's
+    /// where no meter corrects predictions. Higher values improve quality.
     pub energy_per_frame: Option<Joules>,
-    /// Limit on the time of a frame's work (`FrameTime`).
+    /// Limit on the time of a frame's work (`FrameTime`). Higher values improve quality; lower
+    /// values raise the frame rate.
     ///
-    /// The map knows no times: what a predicted watt takes is learnt from frame to frame.
+    /// The map knows no times: the controller learns while the app runs how they follow predicted
+    /// power.
     pub frame_time: Option<Duration>,
-    /// When the battery (`BatteryLevel`) may be empty, in real time
-    /// since the app's start: for two more hours, `time.elapsed() + Duration::from_secs(7200)` of
-    /// `Time<Real>`. Without a battery, with a charger, or after that time, it limits nothing.
+    /// When the battery (`BatteryLevel`) may be empty, in real time since the app's start: for two
+    /// more hours, `time.elapsed() + Duration::from_secs(7200)` of `Time<Real>`. Later times lower
+    /// quality. No limit without a battery, with a charger, or after that time.
     pub battery_until: Option<Duration>,
-    /// Thermal headroom (`ThermalHeadroom`) to keep, 0 to 1; 0
-    /// for no limit. Below it, the power limit falls in proportion from the best settings' power to
-    /// the cheapest ones' at a headroom of 0.
+    /// Thermal headroom (`ThermalHeadroom`) to keep, 0 to 1; 0 for no limit. Below it, the power
+    /// limit falls linearly, from the best settings' power to that of the cheapest at a headroom of
+    /// 0.
     ///
     /// Higher values keep the device cooler, lower values more quality.
     pub headroom: Option<f64>,
 }
 
-/// A currency of a [`Budget`].
+/// What keeps settings from being better: a limit of a [`Budget`], or another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "bevy", derive(Reflect))]
 #[non_exhaustive]
@@ -127,8 +132,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// Default of [`horizon`](Self::horizon): 30 s, as long as the long window of processors' own
-    /// limiters.
+    /// Default of [`horizon`](Self::horizon): 30 s, about the long window of CPUs' power limiters.
     pub const HORIZON: Duration = Duration::from_secs(30);
 
     /// The limits that are given, in watts and as 1 − SSIM; `None` is no limit.

@@ -11,8 +11,9 @@ use crate::units::Watts;
 /// the time that settings are held. `None` where the frontier is empty. `limits` are in the watts of the
 /// frontier.
 ///
-/// Where the view has not moved since the last switch, or the horizon is none (`may_spend` is false), the
-/// best settings that could stay: two settings that take turns in a still view are seen.
+/// If `may_spend` is false, the best settings that the budget can bear for good. That is where the
+/// view has not moved since the last switch, since settings that alternate in a still view are
+/// seen, or where the horizon is too short for a mean.
 pub fn choose(
     frontier: &Frontier,
     limits: &Limits,

@@ -18,12 +18,12 @@ pub struct Inputs<'a> {
     pub store: &'a dyn FrontierStore,
     /// The camera's view.
     pub view: CameraView,
-    /// The limits, in the watts of the app's meter; those of power and error count.
+    /// The limits of power, peak and error, in the watts of the app's meter; others are ignored.
     pub budget: Budget,
     /// Duration of the frame, seconds of real time. Negative and NaN count as 0.
     pub delta_seconds: f64,
-    /// The settings in effect, in the store's knob space: after others than those applied last the
-    /// transition starts from there. `None`: there are none, and the target is applied at once.
+    /// The settings in effect, in the store's knob space. If they are not those applied last, the
+    /// transition starts from them. `None`: there are none, and the target applies at once.
     pub current: Option<KnobLevels>,
     /// From the store's watts to those of the app's meter.
     pub correction: PowerCorrection,

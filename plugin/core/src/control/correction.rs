@@ -1,14 +1,13 @@
 //! Corrects predicted power by metered power: gain and offset, by recursive least squares.
 //!
-//! metered = gain × predicted + offset, both over the meter's own interval, with exponential forgetting
-//! (Ljung 1999, section 11.2), Huber's weights against single bad readings (Huber 1964), and a restart
-//! where readings stay off, as after a throttle. The map still says at once what a change of view
-//! costs, and the meter how much that is here.
+//! metered = gain × predicted + offset, both over the meter's own interval. Readings are forgotten
+//! exponentially (Ljung 1999, section 11.2), Huber's weights limit single bad ones (Huber 1964),
+//! and the estimate restarts where readings stay off, as after a throttle. So the map predicts at
+//! once what a change of view costs, and the meter scales that to this device.
 //!
-//! At one operating point gain and offset cannot be told apart. Readings are therefore forgotten
-//! towards a prior (ridge regression with exponential weights), which shares a difference out between
-//! the two. Beside them there is a bias of the present address: the map's price error differs between
-//! addresses, and would be taken for a gain.
+//! One operating point cannot tell gain and offset apart. Readings are therefore forgotten towards
+//! a prior (ridge regression with exponential weights), which shares a difference out between the
+//! two. A bias takes up the map's error at the present address, which would else pass for a gain.
 
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
@@ -19,15 +18,15 @@ use crate::units::Watts;
 /// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
 /// lower values follow slow drift, such as a device that warms up, sooner.
 const FORGETTING_SECONDS: f64 = 4.0;
-/// Time constant of the correction of a mean, seconds. Higher values follow a device that warms up later;
-/// lower values take for the device what is a view's, and swing where a meter is late.
+/// Time constant of the correction of a mean, seconds. Higher values follow a device that warms up
+/// later; lower values mistake a view's error for the device's, and swing where a meter is late.
 const MEAN_SECONDS: f64 = 240.0;
 /// Standard deviation of a reading, as a share of it.
 const NOISE: f64 = 0.03;
-/// Standard deviation of a map's power at one address, as a share of it. Readings at one address
-/// have it in common: however many there are, they say no more of the gain than one. Lower values
-/// take what an address is off for a gain, which at the next address may be anything; higher values
-/// learn more slowly what other settings cost.
+/// Standard deviation of a map's power at one address, as a share of it. All readings at an address
+/// share this error, so that many say no more of the gain than one. Lower values mistake it for a
+/// gain, which misleads at the next address; higher values learn more slowly what other settings
+/// cost.
 const MAP_NOISE: f64 = 0.08;
 /// Time constant of the bias, seconds: what is left beside gain and offset, and belongs to the present
 /// address. Lower values follow the map's errors sooner, and the meter's noise more.
@@ -50,16 +49,15 @@ const MAX_UNDERESTIMATE: f64 = 0.005;
 /// Overestimate from which it is used: room below a limit is less urgent, and settings that follow
 /// every reading would flicker.
 const MAX_OVERESTIMATE: f64 = 0.03;
-/// Change, as a share, at half and at twice the present power from which it is used: what is believed
-/// of other settings decides whether they are tried.
+/// Change, as a share, of the corrected power at half and at twice the present power from which a
+/// correction is used: it decides whether other settings are tried.
 const MAX_CHANGE_ELSEWHERE: f64 = 0.1;
 
 /// Time constant of the residual, seconds: a throttle or a switch is over by then.
 const RESIDUAL_SECONDS: f64 = 8.0;
 /// Largest deviation of one reading that counts, as a share: a single one says no more.
 const MAX_RESIDUAL: f64 = 0.5;
-/// Residual from which the scene is no longer the map's, and below which it is again, as shares.
-/// Maps of a scene that has not changed are off by 5 to 8 %, CPU time by a tenth.
+/// Residuals, as shares, from which the scene is no longer the map's, and below which it is again.
 const MAP_MISMATCH_THRESHOLDS: [f64; 2] = [0.18, 0.1];
 
 /// From the watts of a map to those of the app's meter.
@@ -180,8 +178,8 @@ impl PowerModel {
         self.residual.sqrt()
     }
 
-    /// Whether readings stay so far off, whatever the correction, that the map does not tell what
-    /// views and settings cost here: the scene is no longer the map's.
+    /// Whether readings stay so far off any correction that the map no longer tells what views and
+    /// settings cost: the scene is no longer the map's.
     pub fn has_left_map(&self) -> bool {
         self.has_left
     }

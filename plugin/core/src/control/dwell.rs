@@ -1,8 +1,8 @@
 //! Dwell: how long a target stays before another takes its place.
 //!
-//! A change of settings is seen, and what it gains for a moment is not. A target therefore stays for a
-//! least time, and after that until another is worth the change, as long as the budget can bear it. The
-//! first change after a rest does not wait.
+//! A change of settings is visible, a brief gain is not. So a target stays for a least time, and
+//! then until another is worth the change, unless the budget cannot bear it. The first change after
+//! a rest does not wait.
 
 use glam::Vec3;
 
@@ -10,8 +10,8 @@ use super::Choice;
 use crate::frontier::CostPoint;
 use crate::knobs::KnobLevels;
 
-/// Least gain in power + λ × error of a change that spends less, as a share of the new power. Higher values switch less often
-/// and follow views less closely.
+/// Least gain in power + λ × error of a change that spends less, as a share of the new power.
+/// Higher values switch less often and follow views less closely.
 const LEAST_GAIN: f64 = 0.02;
 /// Distance, metres, and cosine of the angle from which a view has moved.
 const MOVED: (f32, f32) = (0.2, 0.996);

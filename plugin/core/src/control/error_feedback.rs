@@ -1,10 +1,9 @@
-//! What measured errors say about predicted ones.
+//! Corrects predicted errors by measured ones.
 //!
-//! A map's error budgets are calibrated on views before anybody plays, with a margin for views that
-//! differ. Where errors are measured in play, the margin gives way to them: the mean measured error
-//! divided by the mean predicted one, for which the calibration counts as a few measurements before
-//! the first, which fade as all do (a ratio estimator with a prior; Cochran 1977, "Sampling
-//! Techniques", section 6.3).
+//! A map's error budgets are calibrated before anybody plays, with a margin for views that differ.
+//! Errors measured in play replace that margin by a ratio: the mean measured error divided by the
+//! mean predicted one. The calibration counts as a few early measurements, and fades as all do (a
+//! ratio estimator with a prior; Cochran 1977, "Sampling Techniques", section 6.3).
 
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
@@ -18,8 +17,8 @@ const PRIOR: f64 = 4.0;
 /// What a measurement counts after the next one, as a share: 1/e after 128. Higher values average more
 /// views; lower values follow a camera to another part of the level.
 const FADING: f64 = 1.0 - 1.0 / 128.0;
-/// Margin on the ratio, in standard errors. Higher values keep more budgets; lower values use more of
-/// them.
+/// Margin on the ratio, in standard errors. Higher values keep budgets in more views; lower values
+/// use budgets more fully.
 const MARGIN: f64 = 0.75;
 /// Spread of measurements about the ratio times their predictions, as a share of their mean, before any
 /// is known.

@@ -6,7 +6,7 @@
 use super::{PowerCorrection, PowerModel};
 use crate::units::Watts;
 
-/// Watts of a map by readings of another quantity, of all controlled cameras together.
+/// From a map's watts, summed over all controlled cameras, to another quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exchange {
     /// Scaled readings per predicted watt, and their offset.

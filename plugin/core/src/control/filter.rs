@@ -4,16 +4,14 @@
 //! seconds after the target changed; T is 2 s there and 1 s here. For a constant target the filter
 //! equals this closed form.
 //!
-//! Where a target changes before T has passed, every knob continues from its unrounded position, with
-//! hysteresis: a level reverses its last change only `REVERSAL_MARGIN` beyond the half-way point. The
-//! position is then a running mean of the target. A moving knob keeps its rate while its target stays
-//! on the same side, so it reaches the range of its targets within T whatever the targets do inside
-//! that range.
+//! Where a target changes before T has passed, every knob continues from its unrounded position. A
+//! level reverses its last change only `REVERSAL_MARGIN` beyond the half-way point. A moving knob
+//! keeps its rate while its target stays on the same side, so it reaches the range of its targets
+//! within T.
 //!
-//! A knob that needs another (rays need virtual point lights) moves while it has no effect: before the
-//! other is switched on, and after it is switched off, at the latest within T. Each by its own time,
-//! settings in between were none of the frontier's: lights without rays shine through walls, and on a
-//! map's furthest switches the filter made the image step further than it does without a filter.
+//! A knob that depends on another (rays need virtual point lights) moves while it has no effect,
+//! within T: before the other is switched on, or after it is switched off. Otherwise settings on
+//! the way would be on no frontier: lights without rays shine through walls.
 //!
 //! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
 //! exceeded, and rise slowly when power is left over.
@@ -144,8 +142,8 @@ impl SettingsFilter {
         self.dwell.end();
     }
 
-    /// Tells the filter of this frame's view, `delta_seconds` after that of the last call: one that
-    /// is elsewhere is a [cut](Self::cut), as [`is_cut`] tells.
+    /// Tells the filter this frame's view, `delta_seconds` after the last call. A jump, as
+    /// [`is_cut`] finds it, is a [cut](Self::cut).
     pub fn observe_view(&mut self, view: &CameraView, delta_seconds: f64) {
         let now = (view.position, view.rotation * Vec3::NEG_Z);
         self.dwell.see(now);

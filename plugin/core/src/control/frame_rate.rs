@@ -98,15 +98,12 @@ impl FrameRate {
         })
     }
 
-    /// From the watts of maps to those at the app's frame rate, for the sum over all cameras: energy
-    /// beyond the idle device's is spent by the frame. Neutral where maps differ in their rate, or a
-    /// camera has none.
+    /// Scales maps' watts, summed over all cameras, to the app's frame rate: frames spend the
+    /// energy above the idle device's. Neutral where maps differ in their rate, or a camera has
+    /// none.
     ///
-    /// Without a limit of the frame rate, cheaper settings give more frames instead of less power; the
-    /// power of all settings is then near that of those in use.
-    ///
-    /// An H100 that held 25 of a map's 60 frames per second took 228 W where the map said 419 W;
-    /// scaled it said 219 to 224 W.
+    /// Where nothing limits the frame rate, cheaper settings give more frames instead of less
+    /// power. The power of all settings is then near that of those in use.
     pub fn correction(&mut self, rated: impl Iterator<Item = Option<RatedAt>>) -> PowerCorrection {
         let Some(at) = common(rated) else {
             self.held = None;

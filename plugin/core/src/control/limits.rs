@@ -1,6 +1,6 @@
-//! Limits in all currencies, as limits of mean power, of each frame's power, and of mean error.
+//! Converts all limits of a budget into three: mean power, power of each frame, mean error.
 //!
-//! Each limit becomes watts of one camera, and the least of each kind holds.
+//! Limits become watts of one camera, and the least of each kind holds.
 
 use super::observed::Observed;
 use super::{Budget, BudgetError, Limit, PowerCorrection};
@@ -19,7 +19,7 @@ pub struct Limits {
     pub peak: Option<Watts>,
     /// The currency that the peak comes from.
     pub peak_by: Option<Limit>,
-    /// What the means are over, seconds.
+    /// Time over which means are taken, seconds.
     pub horizon: f64,
 }
 

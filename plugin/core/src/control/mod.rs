@@ -1,12 +1,12 @@
 //! The controller without an app: budgets, selection from a frontier, the transition to the
 //! selected settings, and what a meter and other signals teach.
 //!
-//! `budget` → `limits` (all currencies as watts) → `rate` (the exchange rate that spends them over the
-//! horizon) → `choose` (the least power + rate × error on a frontier; `select` where every frame keeps the
-//! limits) → `agree` (levels that several cameras share) → `dwell` and `filter` (the way there).
-//! `correction`, `frame_rate`, `exchange`, `observed` and `error_feedback` learn what predicted watts and
-//! errors are in measured ones, in seconds and in the battery's energy. [`CameraController`] is all of it
-//! for one camera.
+//! `budget` → `limits` (all as power and error) → `rate` (the exchange rate that spends them over
+//! the horizon) → `choose` (the least power + rate × error on a frontier; `select` where every
+//! frame keeps the limits) → `agree` (levels that several cameras share) → `dwell` and `filter`
+//! (the way there). `correction`, `frame_rate`, `exchange`, `observed` and `error_feedback` learn
+//! how predicted watts and errors translate into measured ones, into seconds and into battery
+//! energy. [`CameraController`] combines all for one camera.
 
 mod agree;
 mod bounds;

@@ -1,6 +1,7 @@
-//! What signals of the app and its device say, for limits in other currencies than watts.
+//! Signals of the app and its device, for limits that are not in watts.
 //!
-//! A figure that is missing is the last one for some seconds, then the conservative one.
+//! The last value of a signal stands in for missing ones for some seconds, then the most cautious
+//! one.
 
 use super::PowerCorrection;
 use super::exchange::{Exchange, ExchangeModel};

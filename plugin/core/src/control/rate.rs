@@ -1,12 +1,13 @@
 //! The exchange rate λ, in watts per unit of error, that spends a budget over its horizon.
 //!
-//! With a mean as the budget, the least error takes one rate for all frames: in each, the settings with
-//! the least power + λ × error (Everett 1963). The rate is the greatest at which what is expected of the
-//! coming horizon keeps the budget in every window of that length: model-predictive control (Rawlings,
-//! Mayne and Diehl 2017, "Model predictive control", chapter 1) of one number. Expected is the present
-//! view's own frontier, which gives way to the mean of the views so far within some seconds.
+//! For a budget of a mean, one rate for all frames gives the least error: each takes the settings
+//! with the least power + λ × error (Everett 1963). The rate is the greatest that keeps the budget
+//! in every window of the horizon's length, by what the coming horizon is expected to cost:
+//! model-predictive control (Rawlings, Mayne and Diehl 2017, "Model predictive control", chapter 1)
+//! of one number. The expectation is the present view's own frontier, which gives way within
+//! seconds to the mean of the views so far.
 //!
-//! Under an error budget the roles are reversed: the least rate at which the expected error keeps it.
+//! Under an error budget the roles swap: the least rate at which the expected error keeps it.
 
 use std::sync::LazyLock;
 
@@ -19,14 +20,14 @@ const PER_DECADE: f64 = 8.0;
 /// Parts of a horizon at whose ends windows are checked. More of them take longer; fewer let a window
 /// between two ends exceed the budget by more.
 const PARTS: usize = 60;
-/// What windows may exceed a power budget by, as a share. Where views come round in another rhythm than
-/// the horizon, what one window leaves is lost to the next without it.
+/// What windows may exceed a power budget by, as a share. Without it, views that come round in
+/// another rhythm than the horizon leave power unused.
 const TOLERANCE: f64 = 0.014;
 /// Time constant with which the present view gives way to the mean of views, seconds. Higher values spend
 /// more cautiously in dear views.
 const VIEW_SECONDS: f64 = 2.0;
-/// Rate after the settings that are chosen now, as a share of the present one: the mean at half of the
-/// rate can nearly always be had.
+/// Rate that is expected after the present settings, as a share of the present rate: the mean at
+/// half the rate is nearly always affordable.
 const LATER: f64 = 0.5;
 /// Longest horizon, seconds: more energy than a battery holds.
 const MAX_HORIZON: f64 = 86_400.0;

@@ -17,13 +17,13 @@ use crate::knobs::KnobLevels;
 pub enum Outcome {
     /// Every limit is met.
     Met,
-    /// The selected settings meet the budget; those applied, on the way to them, do not yet. Of the
-    /// applied settings only: a choice is never settling.
+    /// The selected settings meet the budget; the applied ones, on the way to them, do not yet.
+    /// Never the outcome of a [`Choice`].
     Settling,
     /// Even the cheapest settings exceed the power limit; they are selected, whatever their error.
     PowerCannotBeMet,
-    /// Even the best settings exceed the error limit, and power is not what limits them; the best
-    /// are selected.
+    /// Even the best settings exceed the error limit; they are selected, as the power limit allows
+    /// them.
     ErrorCannotBeMet,
     /// No settings meet both limits; the least error within the power limit is selected, above the
     /// error limit.
@@ -52,8 +52,7 @@ pub struct Choice {
 /// Selects the point of `frontier` for `budget`. `None` where the frontier is empty or the budget
 /// is [invalid](Budget::validate). Source: Wang et al. 2016, equations 3.2 and 3.3.
 ///
-/// Every frame keeps the limits, whatever others leave of them: means over a horizon are
-/// [`choose`](super::choose)'s.
+/// The limits hold for this frame alone: for means over a horizon, see [`choose`](super::choose).
 ///
 /// Every point meets an infinite limit: an infinite power limit selects the best settings, an
 /// infinite error limit the cheapest. No limit selects the best settings. On a frontier each

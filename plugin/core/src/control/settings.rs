@@ -31,9 +31,9 @@ pub struct ControlSettings {
     /// the limit sooner and change quality more visibly; higher values change it more gradually and
     /// exceed the limit for longer. Default: 0.5 s.
     pub fall: Duration,
-    /// Least time from one change of the target to the next, as long as the budget can bear the earlier
-    /// one. Higher values change quality less often and follow views less closely. Another budget and a
-    /// cut do not wait. Default: 1 s.
+    /// Shortest time between two changes of the target. It ends early when the budget cannot bear
+    /// the present target, with another budget, and at a cut. Higher values change quality less
+    /// often and follow views less closely. Default: 1 s.
     pub dwell: Duration,
     /// Whether the app's meter corrects predicted power: a measured one, or the modelled one that the
     /// map was made with. Default: true.

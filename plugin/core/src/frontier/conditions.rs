@@ -88,8 +88,8 @@ impl Comparison {
     }
 }
 
-/// How well a camera's map fits the app that shows it: where it does not, the predicted watts and
-/// errors are those of another image. Written by the controller, read-only for the app.
+/// How well a camera's map fits the app. Where it does not, predicted watts and errors are those of
+/// another image. Written by the controller, read-only for the app.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(
     feature = "bevy",

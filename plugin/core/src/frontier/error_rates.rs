@@ -4,11 +4,12 @@
 //! a watt reduces the error equally everywhere: each camera minimises P + λe with one exchange rate
 //! λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
 //! allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation 3.3)
-//! spends most where error is most expensive to reduce. The λ of each budget is calibrated on
-//! held-out cameras: it is the least at which the mean predicted error, plus an upper confidence bound
-//! of how errors differ from their predictions, is within the budget (risk-controlling sets; Bates,
-//! Angelopoulos, Lei, Malik, Jordan 2021). In play the controller steers λ so that the mean prediction
-//! stays at the target.
+//! spends most where error is most expensive to reduce.
+//!
+//! Held-out cameras calibrate the λ of each budget: the least at which the mean predicted error,
+//! plus an upper confidence bound on the error of predictions, is within the budget
+//! (risk-controlling sets; Bates, Angelopoulos, Lei, Malik, Jordan 2021). In play the controller
+//! steers λ so that the mean prediction stays at the target.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +22,8 @@ pub struct ErrorRate {
     /// more expensive settings.
     pub watts_per_error: f64,
     /// Mean predicted error at which the measured error just meets the budget: the controller's
-    /// target for the mean of its predictions. 1 − SSIM, finite, above 0. `None` in maps without
-    /// it; the controller then leaves the rate unchanged.
+    /// target for the mean of its predictions. 1 − SSIM, finite, above 0. `None` where the map has
+    /// none: the budget itself is then the target.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted: Option<f64>,
 }

@@ -1,7 +1,7 @@
 //! The frontier map: the octree of frontiers with the metadata that its numbers refer to.
 //!
-//! Its file has a list of all settings, and their index at each frontier point: packed settings take up
-//! to 16 digits and occur in most frontiers.
+//! The file lists all settings once, and frontier points refer to them by index: packed settings
+//! take up to 16 digits and occur in most frontiers.
 
 use std::collections::BTreeSet;
 
@@ -45,7 +45,7 @@ pub struct FrontierMap {
     pub bounds: Bounds,
     /// Frontier over all training cameras together: the fallback where no local frontier is known.
     pub shared: Frontier,
-    /// Calibrated exchange rates of error budgets. Where empty, they limit every frame.
+    /// Calibrated error budgets. Where empty, predicted errors are taken as they are.
     pub error_rates: ErrorRates,
     /// Energy prices of work on the map's device.
     pub work_prices: WorkPrices,

@@ -93,8 +93,7 @@ pub struct WorkPrices {
     pub idle: Watts,
     /// Number of reflective shadow maps of the scene, without those of point lights.
     pub maps: u32,
-    /// Number of point lights of the scene, which have six smaller maps each. 0 in maps of earlier
-    /// versions.
+    /// Number of point lights of the scene, which have six smaller maps each. 0 where not recorded.
     #[serde(default)]
     pub point_lights: u32,
     /// Whether the scene gathers light from an environment map.

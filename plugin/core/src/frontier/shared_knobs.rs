@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::units::Watts;
 
-/// Knobs of app scope, such as the resolution of shadow maps, with
-/// the energy that a camera's frame spends on each combination of their levels.
+/// Knobs of app scope, such as the resolution of shadow maps, with the energy that a camera's frame
+/// spends on each combination of their levels.
 ///
 /// With several cameras the highest level that any of them asks for holds, and every camera pays
-/// for it. The controller takes this energy into account when it divides power. Empty where a map
-/// sets no such knob, or is of an earlier version: other cameras' levels then cost nothing.
+/// for it. The controller counts this energy when it divides power. Where this is empty, other
+/// cameras' levels cost nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SharedKnobs {
     /// Names of the knobs; at most [`MOST`](Self::MOST).

@@ -35,8 +35,8 @@ pub trait FrontierStore: Send + Sync {
         None
     }
 
-    /// The frontier over all views together, for a scene that is no longer as the local ones say.
-    /// `None` where there is none.
+    /// The frontier over all views together, for a scene that has changed since the local ones were
+    /// measured. `None` where there is none.
     fn overall(&self) -> Option<&Frontier> {
         None
     }

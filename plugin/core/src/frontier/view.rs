@@ -81,9 +81,9 @@ pub struct CameraView {
     pub aspect: f32,
 }
 
-/// Thresholds of a cut: what a camera may move and turn from one frame to the next, at any frame
-/// rate (metres, degrees), and in a second (m/s, degrees/s). A fast vehicle is no cut, nor is a
-/// glance at a low frame rate.
+/// Thresholds of a cut. A camera has jumped that moves both farther and faster than these, or turns
+/// so (metres, degrees, m/s, degrees/s). The speeds spare fast vehicles, and glances at a low frame
+/// rate.
 pub const CUT_DISTANCE: f32 = 1.0;
 const CUT_ANGLE: f32 = 30.0;
 const CUT_SPEED: f32 = 300.0;

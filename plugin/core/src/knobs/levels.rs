@@ -15,8 +15,8 @@ const BITS: u32 = 4;
 ///
 /// Wang et al. 2016, section 3.7.2, use the same packing in 32 bits.
 ///
-/// In files these are an integer, or a string like `"0x1_0000_0000_0000_0000"` without the
-/// separators where a 17th knob takes more than 64 bits, which few formats have.
+/// Files hold an integer, or from a 17th knob on, which needs more than 64 bits, a hexadecimal
+/// string such as `"0x10000000000000000"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "bevy", derive(Reflect))]
 pub struct KnobLevels(u128);

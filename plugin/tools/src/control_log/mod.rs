@@ -1,8 +1,8 @@
 //! Writes what the controller does to a CSV file: budgets, predicted and metered power, error,
 //! settings and frame times, a few times a second.
 //!
-//! [`ControlLogPlugin`] writes the file, spreadsheets open it, and `frugal plot-log FILE` plots it. Add it
-//! to the builds whose budgets you want to look at.
+//! [`ControlLogPlugin`] writes the file, spreadsheets open it, and `frugal plot-log FILE` plots it.
+//! Add it to the builds whose budgets you want to look at.
 //!
 //! ```no_run
 //! use bevy::prelude::*;

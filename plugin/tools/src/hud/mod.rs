@@ -1,10 +1,9 @@
 //! A panel over the image for every controlled camera, for development: the frontier at its view,
 //! budget, predicted and metered power, error, settings, and the latest switches.
 //!
-//! Only reads: decisions, meters and messages. The text of a camera is plain functions of `Facts`
-//! (`text.rs`), its plot plain pixels of a `Plot` (`plot.rs`): an image of some kilobytes, drawn anew
-//! where the frontier, the points or the limits change. While hidden there are no entities, and one
-//! system reads one key.
+//! Only reads decisions, meters and messages. Plain functions of `Facts` make a camera's text
+//! (`text.rs`), those of a `Plot` its pixels (`plot.rs`), anew where the frontier, the points or
+//! the limits change. A hidden HUD has no entities, and one system reads one key.
 
 mod log;
 mod panel;

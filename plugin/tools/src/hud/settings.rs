@@ -17,9 +17,9 @@ pub struct HudSettings {
     pub visible: bool,
     /// The key that shows and hides them; `None` for none. Default: F3.
     pub key: Option<KeyCode>,
-    /// The UI camera that draws them, not one whose image is scaled. `None`: one of the HUD's own,
-    /// over the primary window. It draws after the others, so that UI roots without a camera are
-    /// drawn by it while it is there. Default: `None`.
+    /// The UI camera that draws them; its image must not be scaled. `None`: a camera of the HUD's
+    /// own over the primary window, after all others; while it is there, it also draws UI roots
+    /// without a camera. Default: `None`.
     pub camera: Option<Entity>,
 }
 

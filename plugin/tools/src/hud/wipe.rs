@@ -1,9 +1,9 @@
 //! A wipe between the current settings and the best ones, in the same image.
 //!
-//! A second camera renders all of the view into an image, of which the right part is shown: in a
-//! viewport of the right part alone, passes that read neighbours would differ at the border. It is a
-//! copy of the camera as far as the image goes, with what knobs took away. It has histories of its own,
-//! which go on for as long as the wipe is there.
+//! A second camera renders the whole view into an image, of which the right part is shown: in a
+//! smaller viewport, passes that read neighbours would differ at the border. It copies what affects
+//! the first camera's image, with what knobs took away. Its own histories go on for as long as the
+//! wipe is there.
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Records an app's camera paths to a file, so that settings can be trained on the views that
 //! occur.
 //!
-//! [`CameraRecorderPlugin`] writes the file, and `frugal precompute --cameras FILE` reads it. Add it to
-//! the builds that are used for recording.
+//! [`CameraRecorderPlugin`] writes the file, and `frugal precompute --cameras FILE` reads it. Add
+//! it to the builds that are used for recording.
 //!
 //! ```no_run
 //! use bevy::prelude::*;

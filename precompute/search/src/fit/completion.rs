@@ -1,17 +1,17 @@
 //! Errors of settings that a camera has not rendered, from those that it has.
 //!
-//! What makes one setting's error high at a view makes others' high, too. So a few cameras render
-//! every setting of the pool, and all others only the *anchors*, a quarter of the pool.
+//! A view with a high error at one setting tends to have high errors at others. So a few cameras
+//! render every setting of the pool, and all others only the *anchors*, a quarter of the pool.
 //!
-//! The logarithms of errors are taken as normally distributed over cameras. Few cameras say little of
-//! their covariance, so it is averaged with a prior: settings whose levels are alike have errors that go
-//! together (shrinkage towards a structured target; Ledoit, Wolf 2004, "A well-conditioned estimator
-//! for large-dimensional covariance matrices"). Anchors are those with
-//! the least remaining variance of all settings, chosen one by one (pivoted Cholesky factorisation;
-//! Harbrecht, Peters, Schneider 2012, "On the low-rank approximation by the pivoted Cholesky
-//! decomposition"), and the others their conditional mean. Where every camera has the anchors, and
-//! some have all, that is the maximum-likelihood estimate (Anderson 1957, "Maximum likelihood
-//! estimates for a multivariate normal distribution when some observations are missing").
+//! The logarithms of errors are modelled as normally distributed over cameras. Few cameras say
+//! little of their covariance, so it is averaged with a prior: settings of similar levels have
+//! correlated errors (shrinkage towards a structured target; Ledoit, Wolf 2004, "A well-conditioned
+//! estimator for large-dimensional covariance matrices"). Anchors are chosen one by one, each to
+//! leave the least variance of all settings (pivoted Cholesky factorisation; Harbrecht, Peters,
+//! Schneider 2012, "On the low-rank approximation by the pivoted Cholesky decomposition"). All
+//! others get their conditional mean. Without the prior, that would be the maximum-likelihood
+//! estimate (Anderson 1957, "Maximum likelihood estimates for a multivariate normal distribution
+//! when some observations are missing").
 
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};

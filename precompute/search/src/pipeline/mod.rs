@@ -1,7 +1,8 @@
 //! From cameras to a map: screening, pool, blocks of cameras, fit, calibration.
 //!
 //! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
-//! Everything else that follows from renderings is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
+//! Everything else that follows from renderings is recomputed when a run is resumed. Independent of
+//! the renderer: [`Measure`] renders.
 mod budgets;
 mod clock;
 mod extent;

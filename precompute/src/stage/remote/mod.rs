@@ -1,13 +1,13 @@
 //! Stages in processes of their own.
 //!
 //! Software Vulkan drivers recompile a material's shader in every frame that draws several textured
-//! materials, and never free the result: megabytes per frame, which not even closing the device
-//! releases. So a stage of the command line is always another process, which is replaced when it has
-//! grown too large. Its meter also covers the renderer alone: search, comparison and report run here.
+//! materials, and never free the result, even when the device closes. So the command line runs
+//! every stage in a process of its own, and replaces one that has grown too large. Its meter then
+//! covers the renderer alone, without search, comparison and report.
 //!
 //! | file | job |
 //! |---|---|
-//! | `client` | several processes that render side by side what does not depend on the order |
+//! | `client` | several processes that render jobs of any order side by side |
 //! | `process` | one process, started when it is needed, replaced when it has grown or died |
 //! | `program` | a program, its process, and what it said last |
 //! | `connection` | a started program at the other end of a socket |

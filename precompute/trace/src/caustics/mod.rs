@@ -6,12 +6,12 @@
 //! others by paths from the camera: each path is counted once, and the sum of the two images is all
 //! light. Paths from the camera find light–specular ones rarely, which makes bright dots.
 //!
-//! Photons cross surfaces like camera rays, from the other end: where single-sided sheets are seen
-//! from behind, the two images cull different faces, and the sum is not exact. Solids are.
+//! Photons cross surfaces from the other end than camera rays. Where a single-sided sheet is seen
+//! from behind, the two images cull different faces, and the sum is not exact. For solids it is.
 //!
 //! | module | job |
 //! |---|---|
-//! | `split` | settings, and which paths are whose |
+//! | `split` | settings, and to which of the two images a path belongs |
 //! | `map` | photons in a tree: the nearest ones, those within a distance |
 //! | `emit` | light–specular photons of the lights |
 //! | `gather` | diffuse surfaces that the camera sees, and the light that photons bring them |

@@ -2,7 +2,7 @@
 //!
 //! Zhu et al. 2017, "Automating Visual Privacy Protection Using a Smart LED" (`LiShield`): a light
 //! that blinks faster than the eye sees draws stripes in the image of a camera that exposes its rows
-//! one after another. Which stripes follows in closed form; so do lights that no exposure undoes,
+//! one after another. The stripes have a closed form; so have lights that no exposure undoes,
 //! lights that one known camera undoes, and a code in the ratio of their frequencies.
 //!
 //! Light is linear: an image under several lights is the sum of the images of each light, with every

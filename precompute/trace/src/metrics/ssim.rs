@@ -11,9 +11,8 @@
 //! less than 11 pixels wide or high has no such window; it is compared in **one** window that
 //! covers the whole image with equal weights.
 //!
-//! Luma and variances are kept in single precision, all sums run in double: a variance is the small
-//! difference of two large numbers, and in single precision faint noise on white was off by 2 ×
-//! 10⁻⁵, a hundredth of its own error.
+//! Luma and variances are kept in single precision. Sums run in double, since a variance is the
+//! small difference of two large numbers.
 //!
 //! Not the crate `image-compare`: its windows are 8 × 8, do not overlap, and do not normalise the
 //! covariance by the pixel count. Not `dssim`: another metric.

@@ -1,9 +1,9 @@
 //! Light by its time of arrival.
 //!
 //! Jarabo et al. 2014, "A Framework for Transient Rendering": every path of the steady image also
-//! says how long its light was on its way, and serves all frames. All lights flash once, at time 0;
-//! parallel light and the sky, which have no place, at the last surface of the path that they
-//! light. Scattering takes no time, and air slows no light.
+//! carries the travel time of its light, and so serves all frames. All lights flash once, at time
+//! 0. Parallel light and the sky have no place: their time starts at the surface that they light.
+//! Scattering takes no time, and air slows no light.
 //!
 //! | module | job |
 //! |---|---|
