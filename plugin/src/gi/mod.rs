@@ -85,7 +85,6 @@ pub struct GiPlugin {
     /// If true, every `Camera3d` gets two prepasses. Without a `DeferredPrepass`, Bevy draws no
     /// deferred mesh, or panics where the camera has another prepass. Without a `DepthPrepass`,
     /// point and spot lights leave deferred surfaces black.
-    /// deferred by themselves receive indirect light.
     pub deferred_by_default: bool,
 }
 

@@ -259,11 +259,11 @@ pub enum GiVisibility {
     /// No rays: light leaks through walls.
     None,
     /// Two rays each for at most 4,096 pixels of a frame, at any resolution. Their light is kept in
-    /// the world, in cells of surface of at least 0.9 degrees, and all pixels show the cells. While
-    /// a view is new, about as many rays again find the cells that a pixel lights. Cheaper than
-    /// `Coarse`: fewer rays, none once nothing changes, no filters; takes 4 MB. Softer: shadows
-    /// smaller than a cell are lost. After a cut, light is coarse for some frames. After a change
-    /// of lights or meshes, old light fades within 28 frames.
+    /// the world, in cells of surface that appear 0.9 degrees wide or more, and all pixels show
+    /// them. While a view is new, about as many rays again find the cells that a pixel lights.
+    /// Cheaper than `Coarse`: fewer rays, none once nothing changes, no filters; takes 4 MB.
+    /// Softer: shadows smaller than a cell are lost. After a cut, light is coarse for some frames.
+    /// After a change of lights or meshes, old light fades within 28 frames.
     Cached,
     /// Two rays per low-resolution pixel.
     #[default]

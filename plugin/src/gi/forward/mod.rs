@@ -3,7 +3,6 @@
 //! A grid of places around the camera, fixed in the world, keeps the irradiance of six directions
 //! (an ambient cube: Mitchell, `McTaggart` and Green 2006, "Shading in Valve's Source Engine"). Each
 //! frame lights some of the places by the camera's VPLs and its sky, with rays. Bevy shades forward
-//! frame lights some of the places by the camera's VPLs and its sky, with rays. Bevy shades forward
 //! meshes from them as from a baked irradiance volume, so that every material that Bevy lights
 //! takes part. Deferred lighting would read the volume, too: it stays black until the composite is
 //! done.
@@ -20,7 +19,7 @@
 //! | `light.wgsl` | | lights places |
 //! | `fill.wgsl` | | writes the volume, and blackens it |
 //!
-//! While nothing changes, settled places trace no rays.
+//! Places that have converged trace no rays while nothing changes.
 
 mod passes;
 mod view;
