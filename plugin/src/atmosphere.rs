@@ -5,9 +5,8 @@
 //! it all the same, and the app ends with a validation error. A split screen has two cameras; an
 //! error meter and the HUD's wipe add one.
 //!
-//! So in a frame in which the atmosphere is new, or another one, only one camera has it when Bevy
-//! looks. The others have no sky in that frame. A planet that moves by what cannot be seen is no
-//! other atmosphere.
+//! So in a frame in which the atmosphere is new or changed, only one camera has it when Bevy looks.
+//! The others have no sky in that frame. Invisible motion of the planet is no change.
 
 use std::cmp::Reverse;
 

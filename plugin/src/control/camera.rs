@@ -31,8 +31,7 @@ use crate::knobs::{KnobSpace, KnownKnobs};
 use crate::power::MeteredPower;
 use crate::units::Watts;
 
-/// Time for which a misfit lasts before it is logged, seconds: a slow frame or a step out of a door
-/// is none.
+/// Time after which a lasting misfit is logged, seconds. Slow frames and steps out of a door pass.
 const MISFIT_SECONDS: f64 = 2.0;
 
 /// What all cameras have in common.

@@ -1,9 +1,8 @@
 //! The machine's batteries: the power that they give while nothing else feeds the machine. It is the
 //! whole machine's, with display, radio and all programs.
 //!
-//! What a system says of its batteries is plain data ([`Cell`]), from which everything follows that
-//! can be wrong. On Linux it is in files (`sysfs/battery.rs`), elsewhere the system is asked
-//! (`notebook.rs`).
+//! All that can go wrong is decided from plain data ([`Cell`]). On Linux it comes from files
+//! (`sysfs/battery.rs`), elsewhere from the system's interface (`notebook.rs`).
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 

@@ -3,8 +3,8 @@
 //!
 //! | item | job |
 //! |---|---|
-//! | [`PowerMeter`] | contract: energy or power as it is read, with its provenance |
-//! | [`CpuTimeMeter`], and NVML's and those of Linux' files by name | the meters |
+//! | [`PowerMeter`] | contract of a meter: raw energy or power, with its provenance |
+//! | [`CpuTimeMeter`]; by name, NVML's and the system's | the meters |
 //! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
 //! | `tracker` | the fault model, which judges the readings of every meter |
 //! | [`PowerSampler`] | the one thread that reads a meter |

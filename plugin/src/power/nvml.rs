@@ -1,9 +1,9 @@
 //! Energy of an NVIDIA board by NVML's energy counter (`nvmlDeviceGetTotalEnergyConsumption`).
 //!
-//! The board integrates its power itself, so that a difference of two readings loses nothing between
-//! them: the power that NVML shows is a trailing mean of a second on most boards, and sampled for a
-//! part of the time on some. The counter covers the whole board, with memory, regulators and fans,
-//! and every process that uses it.
+//! The board integrates its power itself, so a difference of two readings misses nothing between
+//! them. NVML's power reading is a trailing mean of a second on most boards, and sampled for a part
+//! of the time on some. The counter covers the whole board, with memory, regulators and fans, and
+//! every process that uses it.
 //!
 //! Limits: Volta and newer; not on virtual GPUs. The counter updates about every 0.1 s (some
 //! boards: 0.01 s), so windows under a second are inaccurate. A call takes milliseconds: never read

@@ -1,9 +1,9 @@
 //! The smaller size of a scaled camera, and textures of its own.
 //!
 //! Bevy shares main, depth and prepass textures among the cameras of a target, in the size of the
-//! first. A second camera of another size would not fit them, which ends the app. So a scaled
-//! camera has another target while textures are prepared, under which the real one's attachment is
-//! found, too.
+//! first. They would not fit a second camera of another size, and the app would end. So a scaled
+//! camera has a target of its own while textures are prepared, under which Bevy also finds the real
+//! one's attachment.
 
 use bevy::camera::{
     ClearColorConfig, ManualTextureViewHandle, MsaaWriteback, NormalizedRenderTarget,

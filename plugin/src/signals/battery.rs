@@ -49,8 +49,8 @@ pub struct BatteryLevel {
 }
 
 impl BatteryLevel {
-    /// Energy, infinite where the battery does not feed the machine, and power, as far as they are
-    /// valid; warns once of numbers that are none.
+    /// Energy (infinite where the battery does not feed the machine) and power, where they are
+    /// valid. Warns once of invalid numbers.
     pub(crate) fn valid(&self) -> (Option<Joules>, Option<Watts>) {
         let is_valid = |value: f64| value.is_finite() && value >= 0.0;
         let energy = self.energy.filter(|energy| is_valid(energy.0));

@@ -1,5 +1,4 @@
-//! Development tools for [`bevy_frugal_gi`]: what an app adds while it is made, and a shipping build
-//! leaves out as a whole.
+//! Development tools for [`bevy_frugal_gi`], to be left out of builds that ship.
 //!
 //! | plugin | job |
 //! |---|---|
@@ -7,8 +6,8 @@
 //! | [`ControlLogPlugin`] | writes what the controller does to a file |
 //! | [`CameraRecorderPlugin`] | records camera paths for `frugal precompute --cameras` |
 //!
-//! They read an app and change nothing of it. None is part of
-//! [`FrugalGiPlugins`](bevy_frugal_gi::FrugalGiPlugins).
+//! None is part of [`FrugalGiPlugins`](bevy_frugal_gi::FrugalGiPlugins). They only read the app,
+//! except for [`HudWipe`], which sets app-wide knobs to their best.
 
 pub mod control_log;
 pub mod hud;

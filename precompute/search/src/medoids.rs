@@ -1,6 +1,6 @@
 //! Medoids: a few elements that represent all, by PAM (Kaufman and Rousseeuw 1990, "Finding Groups in
-//! Data", chapter 2). The sum of distances to the nearest medoid is least, as far as exchanging one for
-//! another can lower it. Where many elements are alike one of them is a medoid; an outlier is none.
+//! Data", chapter 2). Exchanging one for another cannot lower the sum of distances to the nearest
+//! medoid. Where many elements are alike, one of them is a medoid; outliers are none.
 
 /// Numbers of at most `most` of `count` elements, in an order in which each lowers the sum of distances
 /// most after those before it. NaN counts as no distance. Ties go to the first, so that the result is the

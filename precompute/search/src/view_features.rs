@@ -1,10 +1,9 @@
-//! What a view shows, in twenty numbers: from them errors at views are predicted that no camera has
-//! rendered.
+//! What a view shows, in twenty numbers, which predict errors at views that no camera has rendered.
 //!
-//! How much a setting costs in quality depends on what is in view: how bright it is, how much of its
-//! light is indirect, how many edges and shadows there are. All that is known from a path-traced
-//! thumbnail, which takes a fifteenth of the time of one rendering of a clip, and explains errors
-//! better than the distance to rendered cameras does.
+//! How much quality a setting costs depends on what is in view: how bright it is, how much of its
+//! light is indirect, how many edges and shadows there are. A path-traced thumbnail tells all that.
+//! It is much cheaper than a rendering of a clip, and explains errors better than the distance to
+//! rendered cameras.
 
 use frugal_trace::integrator::{FirstHit, ReferenceScene, Settings, View, Watch, render, surfaces};
 use glam::{DVec3, UVec2};

@@ -1,8 +1,8 @@
 //! Plays a camera path, renders its record, and checks what is simulated from it.
 //!
-//! What needs no renderer is [`frugal_search::evaluate`]: a [`FrameRenderer`](crate::stage::FrameRenderer)
-//! renders and meters here, a [`Policy`](frugal_search::evaluate::Policy) decides the settings of each
-//! frame.
+//! A [`FrameRenderer`](crate::stage::FrameRenderer) renders and meters; a
+//! [`Policy`](frugal_search::evaluate::Policy) decides each frame's settings.
+//! [`frugal_search::evaluate`] holds what needs no renderer.
 //!
 //! | part | job |
 //! |---|---|

@@ -1,9 +1,8 @@
 //! Power at equal error: relative cost of the images of two maps.
 //!
-//! Neither end of a frontier shows it. The same settings may cost more and look better, and two
-//! searches find different settings. The cost under a budget is the power at the requested error.
-//! So that is compared: along the shared frontier, and in the mean over the addresses that both
-//! maps have.
+//! The ends of a frontier do not show it: the same settings may cost more and look better, and two
+//! searches find different settings. What a budget costs is the power at the requested error. That
+//! is compared along the shared frontier, and in the mean over the addresses that both maps have.
 
 use std::collections::BTreeMap;
 

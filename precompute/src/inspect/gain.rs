@@ -1,8 +1,9 @@
-//! Whether a level needs a map: what telling views apart takes off the error at equal power.
+//! Whether a level needs a map: how much distinguishing views lowers the error at equal power.
 //!
-//! By the map's own frontiers, each as often as views of the octree have it. Its frontiers are smoothed, and
-//! undivided where division saved nothing at held-out cameras, so that noise hardly looks like a gain. A short
-//! search may so miss that views differ: the sentence is about the map, not the level.
+//! Uses the map's own frontiers, each as often as views of the octree have it. They are smoothed,
+//! and undivided where division saved nothing at held-out cameras, so that noise hardly looks like
+//! a gain. A short search may therefore miss that views differ: the result is about the map, not
+//! the level.
 
 use std::collections::{BTreeMap, BTreeSet};
 

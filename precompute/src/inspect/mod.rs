@@ -4,7 +4,7 @@
 //! | item | job |
 //! |---|---|
 //! | [`compare`], [`MapComparison`] | power at equal error, old against new: an energy gate |
-//! | [`gain`] | whether a level needs a map: what telling views apart saves |
+//! | [`gain`] | whether a level needs a map: what distinguishing views saves |
 //! | [`presets`], [`Presets`] | battery, low, medium, high and ultra, from the shared frontier |
 //! | [`comparison_table`], [`presets_table`] | both as text |
 

@@ -5,7 +5,7 @@
 //! | `app` | the app of a scene file, in this process or in one of its own |
 //! | `world`, `environment`, `prefilter` | a scene's geometry, lights and sky in an app |
 //! | `useful` | the knobs that affect a scene |
-//! | `frame_renderer` | what plays frames: a stage, or formulas in tests |
+//! | `frame_renderer` | renders frames: a stage, or formulas in tests |
 //! | `remote` | stages in processes of their own |
 //! | `side_by_side` | jobs for several renderers |
 //!

@@ -23,8 +23,8 @@
 //!
 //! # Methods
 //!
-//! All but the guide are features, off by default. The examples `guiding`, `caustics`, `time` as
-//! `transient`, `coded`, and `inverse` as `dual` measure them.
+//! All but the guide are features, off by default. Examples measure them: `guiding`, `caustics`,
+//! `transient` (`time`), `coded` and `dual` (`inverse`).
 //!
 //! | method | use it for | do not use it for |
 //! |---|---|---|

@@ -11,8 +11,8 @@ use bevy_reflect::std_traits::ReflectDefault;
 
 use crate::units::{Joules, Watts};
 
-/// Limits on a camera's power, error and other quantities. Without limits the controller selects
-/// the best settings.
+/// Limits on a camera's power, error and other quantities. By default there is none, and the
+/// controller selects the best settings.
 ///
 /// - Power only: the least error whose mean power stays within the limit. Every frame takes the
 ///   settings with the least power + λ × error (Everett 1963), so that cheap views pay for dear

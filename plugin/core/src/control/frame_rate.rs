@@ -149,7 +149,7 @@ const RESPONSE_SECONDS: f64 = 8.0;
 /// Least standard deviation of the power's logarithm from which a response is known: settings have
 /// changed by some percent.
 const LEAST_SPREAD: f64 = 0.05;
-/// Least slope that is one: what uneven frames of a limited rate show by chance is none.
+/// Smallest slope that counts: uneven frames of a limited rate show smaller ones by chance.
 const LEAST_SLOPE: f64 = 0.25;
 /// Largest share: below 1, so that a correction can be inverted.
 const MAX_SHARE: f64 = 0.98;

@@ -37,7 +37,7 @@ const MAX_FRAME: f64 = 1.0;
 const PRIOR_SECONDS: f64 = 10.0;
 /// Shortest time that settings are held, seconds: a frame of a slow app.
 const MIN_HOLD: f64 = 0.1;
-/// Shortest horizon that is one, seconds: in a shorter one every frame keeps the limits.
+/// Shortest horizon, seconds; in a shorter one every frame keeps the limits.
 pub(super) const MIN_HORIZON: f64 = 1.0;
 /// Relative change of a limit from which it is another budget. What a battery or a meter says drifts.
 const OTHER_LIMIT: f64 = 0.05;

@@ -1,9 +1,8 @@
 //! Which meshes maps draw: those that cast shadows and are in the map's frustum.
 //!
 //! Bevy tests every mesh against every active view in every frame. Few meshes change, and most maps
-//! hardly move: here a map keeps its list, somewhat wider than its frustum, and what changed edits
-//! it. Bevy leaves out the cameras of maps, since they are active only from then on to the end of the
-//! frame.
+//! hardly move. So a map keeps a list for a somewhat wider frustum, and changes edit it. Bevy's own
+//! test leaves out the cameras of maps, which are active only after it, to the end of the frame.
 
 use std::any::TypeId;
 

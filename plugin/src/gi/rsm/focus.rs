@@ -1,8 +1,8 @@
 //! Where a camera looks at the scene: the middle and the size of what directional lights' maps
 //! cover for it.
 //!
-//! Inside the scene's box that is around the camera, which any surface may be near. From outside,
-//! as from above a large world or through a long lens, it is where the view enters the box.
+//! For a camera inside the scene's box, that is around the camera: any surface may be near it. For
+//! one outside, as above a large world or behind a long lens, it is where the view enters the box.
 
 use bevy::math::{Mat4, Vec3};
 use bevy::transform::components::Transform;

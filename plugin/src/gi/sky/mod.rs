@@ -8,9 +8,9 @@
 //! | `sample.wgsl` | when VPLs are sampled | samples directions that represent the whole sky |
 //! | `gather/gather.wgsl` | when the camera gathers | irradiance of each pixel from its samples |
 //!
-//! Sky samples are separate from the VPLs of bounced light: the sky is infinitely far away and
-//! sampled by direction; and indoors most of it is occluded, where a ray shared by sky and bounce
-//! would find neither.
+//! Sky samples are separate from the VPLs of bounced light. The sky is infinitely far away, so it
+//! is sampled by direction. Indoors most of it is occluded; a ray shared by sky and bounce would
+//! find neither.
 
 mod ambient;
 mod camera;

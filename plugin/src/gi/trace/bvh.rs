@@ -1,5 +1,5 @@
-//! A binary bounding volume hierarchy: that over instances, as the GPU reads it, and what a mesh's wide
-//! one is made of. Plain Rust, no renderer.
+//! A binary bounding volume hierarchy: over instances for the GPU, over a mesh's triangles to make
+//! the wide one. Plain Rust, no renderer.
 //!
 //! obvhs builds a binary tree (PLOC with reinsertion, Meister and Bittner 2018); we lay it out in
 //! depth-first order with skip links, so that a ray needs no stack: it goes to the next node where

@@ -4,8 +4,8 @@
 //! hierarchy of a character built anew in every frame costs more than the rays through it. So each
 //! triangle belongs to the joint that moves it most, and all of a joint's triangles move rigidly.
 //! Vertices that several joints share would then stand off the posed surface, which would occlude
-//! itself: they are drawn towards the middle of their piece by the weight of the other joints. A
-//! piece is so exact where one joint alone moves the mesh, and slimmer where it bends.
+//! itself. So they are drawn towards the middle of their piece, by the weight of the other joints:
+//! a piece is exact where one joint alone moves the mesh, and slimmer where it bends.
 
 use bevy::asset::Assets;
 use bevy::ecs::prelude::*;

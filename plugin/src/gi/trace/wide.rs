@@ -1,10 +1,11 @@
 //! A mesh's tree as the GPU reads it: nodes of four children with quantised boxes, in 64 bytes.
 //!
-//! A binary tree costs a ray one dependent load a box. Here a load tests four (Dammertz et al. 2008,
-//! "Shallow Bounding Volume Hierarchies"), whose boxes are bytes on a grid of the node's own (Ylitie et
-//! al. 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs"). They only grow
-//! by that, so that no hit is lost. Inner children lie side by side, and so do the triangles of all
-//! leaves of a node: what a ray has still to visit is a base and a few bits.
+//! In a binary tree, each box costs a ray a load that depends on the one before. Here a load tests
+//! four boxes (Dammertz et al. 2008, "Shallow Bounding Volume Hierarchies"), quantised to bytes on
+//! the node's own grid (Ylitie et al. 2017, "Efficient Incoherent Ray Traversal on GPUs Through
+//! Compressed Wide BVHs"). Quantised boxes only grow, so that no hit is lost. Inner children lie
+//! side by side, and so do the triangles of all leaves of a node: a base and a few bits tell what a
+//! ray has still to visit.
 
 use std::ops::Range;
 

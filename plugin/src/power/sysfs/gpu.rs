@@ -2,8 +2,8 @@
 //!
 //! AMD's drivers show `power1_average`, newer ones `power1_input` instead or beside it: microwatts
 //! of the card, or of the whole chip of an APU. Intel's `xe` and `i915` show `energyN_input`:
-//! microjoules of the card or its package. `i915` has one more monitor for each tile, which the
-//! card's contains, and none for integrated GPUs: RAPL covers those.
+//! microjoules of the card or its package. An `i915` card's monitor contains those of its tiles.
+//! Integrated GPUs have none on `i915`: RAPL covers them.
 
 use super::cards::{Card, choose};
 use super::{FileKind, Found, Quantity, open as open_files};

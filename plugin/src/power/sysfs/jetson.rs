@@ -6,8 +6,8 @@
 //! | INA3221, Nano, TX1, TX2, Xavier to L4T 32 | `iio`, `rail_name_N` | milliwatts |
 //! | INA238, Thor's carrier | `hwmon` | microwatts |
 //!
-//! The input feeds all other rails, so that nothing is added to it. The AGX modules have no rail of
-//! their own for it: theirs add up. Of others it is not known which rails contain each other.
+//! The input rail feeds all others, so it is counted alone. AGX modules have none; their rails are
+//! added up. For other modules it is unknown which rails contain each other.
 
 use std::path::{Path, PathBuf};
 

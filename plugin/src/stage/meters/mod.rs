@@ -5,10 +5,9 @@
 //! | `mod` | a meter that is read at once or by the plugin's sampling thread, and mean power by it |
 //! | `self_test` | whether a meter responds to a load |
 //!
-//! Meters of a device are sampled by the plugin's thread, which judges their readings: a counter that
-//! jumps or falls during a measurement makes that longer, and not wrong. Its energy goes from one step
-//! of the counter to another, which is exact where a window from a moment to another is off by a step
-//! at either end.
+//! The plugin's thread samples the meters of a device and judges their readings. A counter that
+//! jumps or falls makes a measurement longer, not wrong. Energy is counted from one step of the
+//! counter to another: between arbitrary moments it would be off by a step at either end.
 
 mod self_test;
 #[cfg(test)]

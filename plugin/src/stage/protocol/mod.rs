@@ -1,9 +1,9 @@
-//! The messages between the tool `frugal` and an app on its stage. For the tool: it changes with every
+//! The messages between the tool `frugal` and an app on its stage. Internal: they change with every
 //! version.
 //!
 //! The app connects, and says [`Hello`]. Then each request has one reply. A message is a length (u32,
-//! little endian) and that many bytes of JSON; what is large follows its reply as it is: pixels, or a
-//! scene.
+//! little endian) and that many bytes of JSON. Large data, such as pixels or a scene, follows its
+//! reply as raw bytes.
 
 mod server;
 mod socket;

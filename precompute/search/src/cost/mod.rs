@@ -2,8 +2,8 @@
 //! of the renderer.
 //!
 //! Meter readings are noisy, and drift. Work is exact: pixels, VPL–pixel pairs, rays, shadow
-//! texels. A model of few prices, fitted to all readings of a run, predicts the power of settings
-//! better than two frames of them, and also that of settings that were never rendered.
+//! texels. A model of few prices, fitted to all readings of a run, predicts power better than a
+//! reading over two frames does, and also that of settings that were never rendered.
 mod model;
 mod nnls;
 mod plan;

@@ -1,8 +1,8 @@
 //! What budgets ask of settings: the scores for which they are proposed and kept.
 //!
 //! A score is a logarithm, so that a tenth of the power and a tenth of the error weigh alike at every
-//! budget. Error budgets have goals of their own: power budgets a twentieth of the range apart tell
-//! nothing about settings between two of them, which at the cheap end is a fifth of their power.
+//! budget. Error budgets have goals of their own, since power budgets have gaps: they are a
+//! twentieth of the range apart, which at the cheap end is a fifth of the power.
 
 use std::ops::Range;
 

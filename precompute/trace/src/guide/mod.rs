@@ -1,5 +1,4 @@
-//! Path guiding: at each place, where much light comes from, learned from
-//! photons.
+//! Path guiding: learns from photons, for each place, where much light comes from.
 //!
 //! | module | job |
 //! |---|---|

@@ -1,9 +1,9 @@
 //! Spheres that send much light to a place, and sampling of directions to them.
 //!
-//! Light is remembered by the place that it came from, not by its direction: from everywhere in a
-//! cell the same sphere is aimed at (parallax, as in Ruppert, Herholz and Lensch 2020, "Robust
-//! Fitting of Parallax-Aware Mixtures for Path Guiding", whose lobes are smooth). Directions to a
-//! sphere are uniform over its cone.
+//! Light is stored by the place that it came from, not by its direction: every point of a cell aims
+//! at the same sphere (parallax, as in Ruppert, Herholz and Lensch 2020, "Robust Fitting of
+//! Parallax-Aware Mixtures for Path Guiding", whose lobes are smooth). Directions to a sphere are
+//! uniform over its cone.
 
 use std::f64::consts::TAU;
 

@@ -1,9 +1,9 @@
 //! The projector's view from few images of the camera.
 //!
-//! Sen and Darabi 2009, "Compressive Dual Photography". The images under known patterns give, for
-//! any light from the camera's side, products of the patterns with the dual image; the sparsest
-//! image in Haar's wavelets with these products is it. Beck and Teboulle 2009, "A Fast Iterative
-//! Shrinkage-Thresholding Algorithm for Linear Inverse Problems".
+//! Sen and Darabi 2009, "Compressive Dual Photography". For any light from the camera's side, the
+//! images under known patterns are products of the patterns with the dual image. Of all images with
+//! these products, the sparsest in Haar's wavelets is taken. Beck and Teboulle 2009, "A Fast
+//! Iterative Shrinkage-Thresholding Algorithm for Linear Inverse Problems".
 
 use rayon::prelude::*;
 

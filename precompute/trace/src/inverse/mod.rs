@@ -1,5 +1,4 @@
-//! Light transport run backwards: tests of renderer and tracer from sides that a picture does not
-//! show.
+//! Light transport run backwards: tests of renderer and tracer that a picture cannot give.
 //!
 //! | module | job |
 //! |---|---|

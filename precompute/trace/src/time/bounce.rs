@@ -2,9 +2,9 @@
 //! places that it sees.
 //!
 //! Fuchs 2010, "Multipath Interference Compensation in Time-of-Flight Camera Images": what the
-//! camera measured gives positions, and with a light at the eye the reflectance; they give what
-//! surfaces send each other, which is taken off. Each pixel is a virtual point light, so that the
-//! same sum is that of a renderer's virtual point lights. Quadratic in the number of pixels.
+//! camera measured gives positions, and with a light at the eye the reflectance. From both follows
+//! the light that surfaces send each other, which is subtracted. Each pixel is a virtual point
+//! light, as in a renderer's sum over them. Quadratic in the number of pixels.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
