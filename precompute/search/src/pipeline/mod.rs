@@ -138,13 +138,14 @@ pub fn run<M: Measure>(
         return Err(PipelineError::NoCameras);
     }
     let mut renderings = Renderings::new(setup);
-    let mut pilots = pilots::choose(&cameras.training, Extent::WHOLE.pilots);
+    let pilots = pilots::choose(&cameras.training, Extent::WHOLE.pilots);
     let extent = Extent::choose(subject.space, pilots.first().copied(), &mut renderings)?;
-    pilots.truncate(extent.pilots);
-    let (screening, candidates) =
-        find_pool(subject, config.seed, &extent, &pilots, &mut renderings)?;
-    let rendered =
-        render_cameras(subject, &extent, cameras, &pilots, &candidates, &mut renderings)?;
+    let (pilots, others) = pilots.split_at(extent.pilots.min(pilots.len()));
+    let rendered = screening_settings(subject.space, extent.all_levels);
+    let screening = screen(subject.space, &rendered, (pilots, others), &mut renderings)?;
+    let candidates =
+        find_pool(subject, config.seed, &extent, pilots, (&screening, rendered), &mut renderings)?;
+    let rendered = render_cameras(subject, &extent, cameras, pilots, &candidates, &mut renderings)?;
     let views = &cameras.unrendered[..extent.views.min(cameras.unrendered.len())];
     let features = view_features(subject, cameras, views, &mut renderings)?;
     let found = Found { extent, cameras, screening, rendered, unrendered: views, features };
@@ -187,29 +188,56 @@ fn view_features<M: Measure>(
     })
 }
 
-/// Screening and rounds of proposals at the pilot cameras. Returns the knobs' effects, and the
-/// candidates for the pool.
+/// Screening at the pilot cameras. What a knob does may show elsewhere alone: those without effect
+/// there are lowered together at `others`, and one by one where that shows.
+fn screen<M: Measure>(
+    space: &KnobSpace,
+    settings: &[KnobLevels],
+    (pilots, others): (&[usize], &[usize]),
+    renderings: &mut Renderings<'_, M>,
+) -> Result<Screening, PipelineError<M::Error>> {
+    renderings.batch("screening", &training_jobs(pilots, settings))?;
+    let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, settings));
+    if screening.without_effect.is_empty() {
+        return Ok(screening);
+    }
+    let together = screening.fixed(space, space.highest());
+    renderings.batch("screening", &training_jobs(others, &[together]))?;
+    let shows = |camera: &usize| {
+        renderings
+            .get(Purpose::Training, *camera, together)
+            .is_some_and(|cost| !Screening::is_without_effect(cost.error))
+    };
+    let where_shown: Vec<usize> = others.iter().copied().filter(shows).collect();
+    let one_by_one: Vec<KnobLevels> = screening
+        .without_effect
+        .iter()
+        .map(|knob| space.canonical(space.highest().with_level(*knob, 0)))
+        .collect();
+    renderings.batch("screening", &training_jobs(&where_shown, &one_by_one))?;
+    let cameras = [pilots, &where_shown].concat();
+    Ok(Screening::of(space, &table(renderings, Purpose::Training, &cameras, settings)))
+}
+
+fn training_jobs(cameras: &[usize], settings: &[KnobLevels]) -> Vec<Job> {
+    let job = |camera: &usize| Job {
+        purpose: Purpose::Training,
+        camera: *camera,
+        settings: settings.to_vec(),
+    };
+    cameras.iter().map(job).collect()
+}
+
+/// Rounds of proposals at the pilot cameras. Returns all that they have rendered: the candidates for
+/// the pool.
 fn find_pool<M: Measure>(
     subject: &Subject<'_>,
     seed: u64,
     extent: &Extent,
     pilots: &[usize],
+    (screening, mut rendered): (&Screening, Vec<KnobLevels>),
     renderings: &mut Renderings<'_, M>,
-) -> Result<(Screening, Vec<KnobLevels>), PipelineError<M::Error>> {
-    let space = subject.space;
-    let jobs = |settings: &[KnobLevels]| -> Vec<Job> {
-        pilots
-            .iter()
-            .map(|camera| Job {
-                purpose: Purpose::Training,
-                camera: *camera,
-                settings: settings.to_vec(),
-            })
-            .collect()
-    };
-    let mut rendered = screening_settings(space, extent.all_levels);
-    renderings.batch("screening", &jobs(&rendered))?;
-    let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, &rendered));
+) -> Result<Vec<KnobLevels>, PipelineError<M::Error>> {
     for round in 0..extent.rounds {
         let more = extent.batch * pilots.len();
         let has_time =
@@ -220,15 +248,15 @@ fn find_pool<M: Measure>(
         let proposed = renderings.settings(&format!("round {round}"), |renderings| {
             let table = table(renderings, Purpose::Training, pilots, &rendered);
             let seed = round_seed(seed, round as u64);
-            propose_round(subject, (extent.batch, seed), &screening, &table, round)
+            propose_round(subject, (extent.batch, seed), screening, &table, round)
         })?;
         if proposed.is_empty() {
             break;
         }
-        renderings.batch("proposals", &jobs(&proposed))?;
+        renderings.batch("proposals", &training_jobs(pilots, &proposed))?;
         rendered.extend(proposed);
     }
-    Ok((screening, rendered))
+    Ok(rendered)
 }
 
 /// Settings to render next at the pilot cameras; `table`: costs there so far.

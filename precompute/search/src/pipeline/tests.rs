@@ -305,6 +305,37 @@ fn a_search_is_as_large_as_its_time_allows() {
 }
 
 #[test]
+fn a_knob_that_acts_elsewhere_than_at_the_only_pilot_is_searched() {
+    /// The idle knob acts in the half of the scene where the first pilot is not.
+    struct Elsewhere(Formula, Option<bool>);
+    impl Measure for Elsewhere {
+        type Error = Infallible;
+
+        fn measure(
+            &mut self,
+            clip: &[CameraPose],
+            settings: KnobLevels,
+        ) -> Result<CostPoint, Infallible> {
+            let is_left = clip.last().is_some_and(|pose| pose.position.x < 4.0);
+            let acts = *self.1.get_or_insert(is_left) != is_left;
+            let lowered = if acts { 2 - settings.level(4) } else { 0 };
+            let cost = self.0.measure(clip, settings)?;
+            Ok(CostPoint::new(cost.power.0, cost.error + 0.02 * lowered as f64))
+        }
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let [file, other] = ["idle", "acting"].map(|name| folder.path().join(name));
+    let shortest = Run { limit: Some(Duration::ZERO), ..whole(&file) };
+    let (idle, all) = run_once(&shortest);
+    let mut measure = Elsewhere(Formula { space: space(), renderings: 0 }, None);
+    let acting = run_with(&mut measure, &Run { journal: &other, ..shortest }).expect("a map");
+    assert_eq!(idle.expect("a map").screening.without_effect, [4]);
+    assert!(acting.screening.without_effect.is_empty() && acting.screening.effects[4][0] > 0.01);
+    // One more rendering at each other pilot, where all knobs without effect are lowered at once.
+    assert!(measure.0.renderings <= all + 5, "{} and {all}", measure.0.renderings);
+}
+
+#[test]
 fn without_cameras_there_is_one_clear_error() {
     let folder = tempfile::tempdir().expect("a folder");
     let space = space();

@@ -68,18 +68,20 @@ impl Screening {
                 }
                 above = level;
             }
-            let greatest = (0..top)
+            let mut known = (0..top)
                 .filter_map(column)
-                .flat_map(|column| table.known(column).map(|(_, cost)| cost));
-            if top > 0
-                && greatest.map(|cost| cost.error).fold(0.0, f64::max) < NO_EFFECT
-                && column(0).is_some()
-            {
+                .flat_map(|column| table.known(column).map(|(_, cost)| cost.error));
+            if top > 0 && known.all(Self::is_without_effect) && column(0).is_some() {
                 without_effect.push(index);
             }
             effects.push(errors);
         }
         Self { effects, without_effect }
+    }
+
+    /// Whether an error is that of a knob without effect.
+    pub(crate) fn is_without_effect(error: f64) -> bool {
+        error < NO_EFFECT
     }
 
     /// `settings` with the knobs that have no effect at their cheapest.
