@@ -193,9 +193,11 @@ impl TryFrom<StoredMap> for FrontierMap {
         let StoredMap { mut shared, mut octree, settings, .. } = stored;
         let at = |index: KnobLevels| settings.get(usize::try_from(index.bits()).ok()?).copied();
         for (number, frontier) in octree.frontiers.iter_mut().chain([&mut shared]).enumerate() {
-            *frontier = with_settings(frontier, at).ok_or(FrontierMapError::UnlistedSettings {
-                frontier: number,
-                count: settings.len(),
+            *frontier = with_settings(frontier, at).ok_or_else(|| {
+                let count = settings.len();
+                FrontierMapError::Invalid(format!(
+                    "frontier {number} has settings beyond the {count} that the map lists"
+                ))
             })?;
         }
         Ok(Self {

@@ -1,6 +1,6 @@
 //! Why a frontier map cannot be used.
 
-use super::{OctreeError, SceneIdentity};
+use super::SceneIdentity;
 
 /// The version of the format.
 pub(super) const VERSION: u32 = 1;
@@ -42,41 +42,9 @@ pub enum FrontierMapError {
         /// Its valid range, in words.
         expected: &'static str,
     },
-    /// The octree is invalid.
+    /// Octree, settings or costs that contradict each other.
     #[error("invalid frontier map: {0}: run `frugal precompute` again")]
-    Octree(#[from] OctreeError),
-    /// Settings with a level that the map's knobs lack.
-    #[error(
-        "frontier {frontier} has settings {bits}, which the map's knobs lack: run `frugal precompute` again"
-    )]
-    UnknownSettings {
-        /// Index of the frontier.
-        frontier: usize,
-        /// The packed settings.
-        bits: u128,
-    },
-    /// Settings that the map's list of settings lacks.
-    #[error(
-        "frontier {frontier} has settings beyond the {count} that the map lists: run `frugal precompute` again"
-    )]
-    UnlistedSettings {
-        /// Index of the frontier.
-        frontier: usize,
-        /// Number of settings in the list.
-        count: usize,
-    },
-    /// A power below 0 W or not finite, or an error outside 0 to 2.
-    #[error(
-        "frontier {frontier} has a point of {power_w} W and error {error}, where power must be finite and at least 0 and error 0 to 2: run `frugal precompute` again"
-    )]
-    ImpossibleCost {
-        /// Index of the frontier.
-        frontier: usize,
-        /// Power, watts.
-        power_w: f64,
-        /// Error, 1 − SSIM.
-        error: f64,
-    },
+    Invalid(String),
     /// Made for another scene, or for an earlier state of this one.
     #[error(
         "frontier map of scene `{}` ({}), but the scene is `{}` ({}): run `frugal precompute` again for this scene",

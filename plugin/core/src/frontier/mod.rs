@@ -22,7 +22,7 @@ pub use knob_effects::KnobEffects;
 pub use map::FrontierMap;
 pub use map_error::FrontierMapError;
 pub use metadata::{Bounds, Capture, SceneIdentity, Thresholds, WorkPrices};
-pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
+pub use octree::{Corner, Leaf, Octree};
 pub use pareto::{CostPoint, Frontier, FrontierPoint};
 pub use shared_knobs::{SharedKnobs, SharedLevels};
 pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};

@@ -27,28 +27,23 @@ impl Corner {
     pub const UNKNOWN: u32 = u32::MAX;
 }
 
-/// A number in a serialised [`Corner`] that is neither a lattice coordinate (0 to 65535) nor a
-/// frontier index or −1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{0} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"
-)]
-pub struct CornerNumberError(i64);
-
 impl TryFrom<[i64; 9]> for Corner {
-    type Error = CornerNumberError;
+    type Error = String;
 
-    fn try_from(numbers: [i64; 9]) -> Result<Self, CornerNumberError> {
+    fn try_from(numbers: [i64; 9]) -> Result<Self, String> {
+        let refused = |number: &i64| {
+            format!(
+                "{number} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"
+            )
+        };
         let mut corner = Self { at: [0; 3], frontiers: [Self::UNKNOWN; 6] };
         for (to, number) in corner.at.iter_mut().zip(&numbers[..3]) {
-            *to = u16::try_from(*number).map_err(|_| CornerNumberError(*number))?;
+            *to = u16::try_from(*number).map_err(|_| refused(number))?;
         }
         for (to, number) in corner.frontiers.iter_mut().zip(&numbers[3..]) {
             if *number != -1 {
-                *to = u32::try_from(*number)
-                    .ok()
-                    .filter(|index| *index != Self::UNKNOWN)
-                    .ok_or(CornerNumberError(*number))?;
+                let index = u32::try_from(*number).ok().filter(|index| *index != Self::UNKNOWN);
+                *to = index.ok_or_else(|| refused(number))?;
             }
         }
         Ok(corner)
@@ -109,61 +104,6 @@ impl Leaf {
     }
 }
 
-/// Why an [`Octree`] is invalid.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OctreeError {
-    /// More levels than lattice coordinates can represent.
-    #[error("the octree has {0} levels, where at most {max} are allowed", max = Octree::MAX_LEVELS)]
-    TooDeep(u8),
-    /// No root.
-    #[error("the octree has no nodes, not even a root")]
-    NoRoot,
-    /// Children beyond the end of the list.
-    #[error("octree node {node} has children from {first} on, but there are only {count} nodes")]
-    ChildOutOfRange {
-        /// The parent.
-        node: u32,
-        /// Its first child.
-        first: u32,
-        /// Number of nodes.
-        count: usize,
-    },
-    /// A node with two parents, or one that is its own ancestor.
-    #[error("octree node {0} is reached twice: the nodes are not a tree")]
-    ReachedTwice(u32),
-    /// A node without a parent.
-    #[error("octree node {0} has no parent")]
-    Unreachable(usize),
-    /// A node below the last level.
-    #[error("octree node {0} has children below the last level")]
-    BelowLastLevel(u32),
-    /// A corner outside the root.
-    #[error("octree corner {at:?} lies outside the root, whose largest coordinate is {limit}")]
-    CornerOutside {
-        /// Lattice coordinates of the corner.
-        at: [u16; 3],
-        /// The largest coordinate of the lattice.
-        limit: u16,
-    },
-    /// Corners out of order, or a duplicate.
-    #[error("octree corner {0:?} is out of order or appears twice")]
-    CornersUnsorted([u16; 3]),
-    /// A leaf without one of its eight corners.
-    #[error("octree corner {0:?}, which a leaf needs, is missing")]
-    CornerMissing([u16; 3]),
-    /// A frontier index beyond the end of the list.
-    #[error("octree corner {at:?} uses frontier {index}, but there are only {count}")]
-    FrontierOutOfRange {
-        /// Lattice coordinates of the corner.
-        at: [u16; 3],
-        /// The frontier's index.
-        index: u32,
-        /// Number of frontiers.
-        count: usize,
-    },
-}
-
 impl Octree {
     /// Maximum number of levels, so that 2^levels fits a `u16` coordinate.
     pub const MAX_LEVELS: u8 = 15;
@@ -219,40 +159,45 @@ impl Octree {
     /// whatever the data.
     ///
     /// # Errors
-    /// The first fault found; see [`OctreeError`].
-    pub fn validate(&self) -> Result<(), OctreeError> {
+    /// The first fault found, in words.
+    pub fn validate(&self) -> Result<(), String> {
         if self.levels > Self::MAX_LEVELS {
-            return Err(OctreeError::TooDeep(self.levels));
+            let (levels, max) = (self.levels, Self::MAX_LEVELS);
+            return Err(format!("the octree has {levels} levels, where at most {max} are allowed"));
         }
         self.validate_corners()?;
         self.validate_nodes()
     }
 
-    fn validate_corners(&self) -> Result<(), OctreeError> {
+    fn validate_corners(&self) -> Result<(), String> {
         let limit = self.lattice();
         let mut previous = None;
         for corner in &self.corners {
             let at = corner.at;
             if at.iter().any(|coordinate| *coordinate > limit) {
-                return Err(OctreeError::CornerOutside { at, limit });
+                return Err(format!(
+                    "octree corner {at:?} lies outside the root, whose largest coordinate is {limit}"
+                ));
             }
             if previous.is_some_and(|previous| previous >= at) {
-                return Err(OctreeError::CornersUnsorted(at));
+                return Err(format!("octree corner {at:?} is out of order or appears twice"));
             }
             previous = Some(at);
             let count = self.frontiers.len();
             let missing = |index: &&u32| **index != Corner::UNKNOWN && **index as usize >= count;
             if let Some(&index) = corner.frontiers.iter().find(missing) {
-                return Err(OctreeError::FrontierOutOfRange { at, index, count });
+                return Err(format!(
+                    "octree corner {at:?} uses frontier {index}, but there are only {count}"
+                ));
             }
         }
         Ok(())
     }
 
-    fn validate_nodes(&self) -> Result<(), OctreeError> {
+    fn validate_nodes(&self) -> Result<(), String> {
         let count = self.nodes.len();
         if count == 0 {
-            return Err(OctreeError::NoRoot);
+            return Err("the octree has no nodes, not even a root".to_owned());
         }
         // Each node is marked before it is pushed and never pushed twice, so the loop ends on any
         // data.
@@ -266,29 +211,37 @@ impl Octree {
                     .map(|number| cube.corner(number))
                     .find(|at| self.corner_index(*at).is_none());
                 match missing {
-                    Some(at) => return Err(OctreeError::CornerMissing(at)),
+                    Some(at) => {
+                        return Err(format!(
+                            "octree corner {at:?}, which a leaf needs, is missing"
+                        ));
+                    }
                     None => continue,
                 }
             }
             if cube.size == 1 {
-                return Err(OctreeError::BelowLastLevel(node));
+                return Err(format!("octree node {node} has children below the last level"));
             }
             if (first as usize).checked_add(8).is_none_or(|end| end > count) {
-                return Err(OctreeError::ChildOutOfRange { node, first, count });
+                return Err(format!(
+                    "octree node {node} has children from {first} on, but there are only {count} nodes"
+                ));
             }
             let half = Leaf { min: cube.min, size: cube.size / 2 };
             for octant in 0..8_u32 {
                 let child = first + octant;
                 if std::mem::replace(&mut reached[child as usize], true) {
-                    return Err(OctreeError::ReachedTwice(child));
+                    return Err(format!(
+                        "octree node {child} is reached twice: the nodes are not a tree"
+                    ));
                 }
                 open.push((child, Leaf { min: half.corner(octant as usize), size: half.size }));
             }
         }
-        reached
-            .iter()
-            .position(|reached| !reached)
-            .map_or(Ok(()), |node| Err(OctreeError::Unreachable(node)))
+        match reached.iter().position(|reached| !reached) {
+            Some(node) => Err(format!("octree node {node} has no parent")),
+            None => Ok(()),
+        }
     }
 }
 

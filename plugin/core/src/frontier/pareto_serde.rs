@@ -4,15 +4,11 @@
 //! errors six decimals: both are finer than any meter or image metric that fills a map (Wang et al.
 //! 2016, section 3.7.1, quote ±5 % for theirs).
 
-use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
-use serde::ser::{Serialize, SerializeSeq, Serializer};
+use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::ser::{Serialize, Serializer};
 
 use super::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
-
-/// Maximum number of points to allocate for before they are read, so that a forged length allocates
-/// little.
-const MAX_PREALLOCATED_POINTS: usize = 1024;
 
 impl Frontier {
     /// The frontier as stored in a file: watts rounded to four significant digits, errors to six
@@ -32,12 +28,8 @@ impl Frontier {
 
 impl Serialize for Frontier {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let rounded = self.rounded();
-        let mut list = serializer.serialize_seq(Some(rounded.points().len()))?;
-        for point in rounded.points() {
-            list.serialize_element(&(point.settings, point.cost.power, point.cost.error))?;
-        }
-        list.end()
+        let stored = |point: &FrontierPoint| (point.settings, point.cost.power, point.cost.error);
+        serializer.collect_seq(self.rounded().points().iter().map(stored))
     }
 }
 
@@ -45,41 +37,32 @@ impl<'de> Deserialize<'de> for Frontier {
     /// Rejects points that are not finite, or not in order of increasing power and decreasing
     /// error: this crate did not write such a file, and a silent repair would hide that.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_seq(Points)
-    }
-}
-
-struct Points;
-
-impl<'de> Visitor<'de> for Points {
-    type Value = Frontier;
-
-    fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str("a list of (settings, watts, error)")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Frontier, A::Error> {
-        let mut points: Vec<FrontierPoint> =
-            Vec::with_capacity(list.size_hint().unwrap_or(0).min(MAX_PREALLOCATED_POINTS));
-        while let Some((settings, power, error)) = list.next_element::<(KnobLevels, f64, f64)>()? {
-            let cost = CostPoint::new(power, error);
-            if !cost.is_finite() {
-                return Err(A::Error::custom(format_args!(
-                    "a frontier point of {power} W and error {error}: both must be finite"
-                )));
-            }
-            if points
-                .last()
-                .is_some_and(|last| last.cost.power >= cost.power || last.cost.error <= cost.error)
-            {
-                let message = format_args!(
-                    "a frontier point of {power} W and error {error} is dominated by the one before, or out of order"
-                );
-                return Err(A::Error::custom(message));
-            }
-            points.push(FrontierPoint { settings, cost });
+        let stored = Vec::<(KnobLevels, f64, f64)>::deserialize(deserializer)?;
+        let point = |(settings, power, error)| FrontierPoint {
+            settings,
+            cost: CostPoint::new(power, error),
+        };
+        let points: Vec<FrontierPoint> = stored.into_iter().map(point).collect();
+        if let Some(CostPoint { power, error }) =
+            points.iter().map(|it| it.cost).find(|cost| !cost.is_finite())
+        {
+            return Err(D::Error::custom(format_args!(
+                "a frontier point of {} W and error {error}: both must be finite",
+                power.0
+            )));
         }
-        Ok(Frontier::from_points(points))
+        let falls = |two: &&[FrontierPoint]| {
+            two[0].cost.power >= two[1].cost.power || two[0].cost.error <= two[1].cost.error
+        };
+        if let Some(CostPoint { power, error }) =
+            points.windows(2).find(falls).map(|two| two[1].cost)
+        {
+            return Err(D::Error::custom(format_args!(
+                "a frontier point of {} W and error {error} is dominated by the one before, or out of order",
+                power.0
+            )));
+        }
+        Ok(Self::from_points(points))
     }
 }
 

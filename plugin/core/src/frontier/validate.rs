@@ -72,20 +72,26 @@ impl FrontierMap {
             self.knob_effects.is_sound(&self.knobs),
             "a finite energy of at least 0 and an error from 0 to 2 for each level of each knob",
         )?;
-        self.octree.validate()?;
-        self.validate_frontiers()
+        self.octree
+            .validate()
+            .and_then(|()| self.validate_frontiers())
+            .map_err(FrontierMapError::Invalid)
     }
 
-    fn validate_frontiers(&self) -> Result<(), FrontierMapError> {
+    fn validate_frontiers(&self) -> Result<(), String> {
         for (frontier, points) in self.octree.frontiers.iter().chain([&self.shared]).enumerate() {
             for point in points.points() {
                 let bits = point.settings.bits();
                 if !self.knobs.contains(point.settings) {
-                    return Err(FrontierMapError::UnknownSettings { frontier, bits });
+                    return Err(format!(
+                        "frontier {frontier} has settings {bits}, which the map's knobs lack"
+                    ));
                 }
                 let (power_w, error) = (point.cost.power.0, point.cost.error);
                 if !(power_w.is_finite() && power_w >= 0.0 && (0.0..=2.0).contains(&error)) {
-                    return Err(FrontierMapError::ImpossibleCost { frontier, power_w, error });
+                    return Err(format!(
+                        "frontier {frontier} has a point of {power_w} W and error {error}, where power must be finite and at least 0 and error 0 to 2"
+                    ));
                 }
             }
         }

@@ -1,11 +1,8 @@
 //! Settings: one level per knob, packed into an integer.
 
-use std::fmt;
-
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
-use serde::de::{Error, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Bits per knob in [`KnobLevels`].
 const BITS: u32 = 4;
@@ -17,8 +14,9 @@ const BITS: u32 = 4;
 ///
 /// Files hold an integer, or from a 17th knob on, which needs more than 64 bits, a hexadecimal
 /// string such as `"0x10000000000000000"`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Deserialize)]
 #[cfg_attr(feature = "bevy", derive(Reflect))]
+#[serde(try_from = "Stored")]
 pub struct KnobLevels(u128);
 
 impl KnobLevels {
@@ -63,37 +61,27 @@ impl Serialize for KnobLevels {
     }
 }
 
-impl<'de> Deserialize<'de> for KnobLevels {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Bits)
-    }
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "settings must be an integer of 0 or more, or hexadecimal digits after 0x in quotes"
+)]
+enum Stored {
+    Number(u64),
+    Text(String),
 }
 
-struct Bits;
+impl TryFrom<Stored> for KnobLevels {
+    type Error = String;
 
-impl Visitor<'_> for Bits {
-    type Value = KnobLevels;
-
-    fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
-        formatter.write_str(
-            "settings as an integer of 0 or more, or as hexadecimal digits after 0x in quotes",
-        )
-    }
-
-    fn visit_u64<E: Error>(self, bits: u64) -> Result<KnobLevels, E> {
-        Ok(KnobLevels(bits.into()))
-    }
-
-    fn visit_i64<E: Error>(self, bits: i64) -> Result<KnobLevels, E> {
-        let bits = u128::try_from(bits)
-            .map_err(|_| E::invalid_value(serde::de::Unexpected::Signed(bits), &self))?;
-        Ok(KnobLevels(bits))
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<KnobLevels, E> {
+    fn try_from(stored: Stored) -> Result<Self, String> {
+        let text = match stored {
+            Stored::Number(bits) => return Ok(Self(bits.into())),
+            Stored::Text(text) => text,
+        };
         let bits = text.strip_prefix("0x").and_then(|digits| u128::from_str_radix(digits, 16).ok());
-        let unexpected = || E::invalid_value(serde::de::Unexpected::Str(text), &self);
-        bits.map(KnobLevels).ok_or_else(unexpected)
+        bits.map(Self)
+            .ok_or_else(|| format!("settings \"{text}\" are no hexadecimal digits after 0x"))
     }
 }
 
