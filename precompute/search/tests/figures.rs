@@ -28,3 +28,75 @@ fn every_figure_of_the_documents_is_in_the_data() {
     }
     assert!(faults.is_empty(), "run `make figures`, or correct docs/data:\n{}", faults.join("\n"));
 }
+
+/// Sections of results.md, and the files in docs/data that their prose may take figures from.
+const PROSE: [(&str, &[&str]); 7] = [
+    ("Error at equal power", &["policies", "meters"]),
+    ("Metered on a GPU", &["metered"]),
+    ("Knobs", &["knobs", "levels"]),
+    ("Accuracy", &["accuracy", "bounces"]),
+    ("Beside a naive method", &["naive-rsm", "stability"]),
+    ("Many lights", &["lights"]),
+    ("Time and memory", &["cost"]),
+];
+
+#[test]
+fn every_figure_in_prose_is_in_the_data_of_its_section() {
+    let root = documents::root();
+    let text = std::fs::read_to_string(root.join("docs/results.md")).expect("results.md");
+    assert_eq!(strangers(&root, &text), Vec::<String>::new(), "correct results.md or docs/data");
+    for (truth, slip) in [("400 texels", "401 texels"), ("64 point lights", "65 point lights")] {
+        assert!(text.contains(truth), "{truth}");
+        assert_eq!(strangers(&root, &text.replace(truth, slip)).len(), 1, "{slip}");
+    }
+}
+
+/// Numbers in the prose of `text` that the data of their section lack, as they stand or as per cent.
+/// Years, code, links and names such as 4×4 are no figures.
+fn strangers(root: &std::path::Path, text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (title, files) in PROSE {
+        let start = text.find(&format!("\n## {title}\n")).expect(title) + 4;
+        let end = text[start..].find("\n## ").map_or(text.len(), |length| start + length);
+        let mut known = Vec::new();
+        for file in files {
+            let file = root.join(format!("docs/data/{file}.json"));
+            let json = std::fs::read_to_string(&file).expect("a file of data");
+            collect(&serde_json::from_str(&json).expect("JSON"), &mut known);
+        }
+        let is_prose = |line: &&str| !line.starts_with(['|', '!', '#', '<']);
+        for line in text[start..end].lines().filter(is_prose) {
+            let plain: String = line.split('`').step_by(2).collect();
+            let words = plain.split(|c: char| c.is_whitespace() || "()[]".contains(c));
+            let per_cent = line.contains('%');
+            let is_known = |word: &str| {
+                let number: f64 = word.parse().expect("a number");
+                let places = word.split_once('.').map_or(0, |(_, places)| places.len());
+                let same = |value: f64| format!("{value:.places$}") == word;
+                number > 1900.0 && number < 2100.0 && places == 0
+                    || known.iter().any(|value| same(*value) || per_cent && same(100.0 * value))
+            };
+            for word in words.filter(|word| !word.contains(['×', '/'])) {
+                let word = word.trim_matches(|c: char| !c.is_ascii_digit()).replace(',', "");
+                if word.parse::<f64>().is_ok() && !is_known(&word) {
+                    found.push(format!("{title}: {word} in: {line}"));
+                }
+            }
+        }
+    }
+    found
+}
+
+/// All numbers of a file, but dates.
+fn collect(value: &serde_json::Value, numbers: &mut Vec<f64>) {
+    use serde_json::Value;
+    match value {
+        Value::Number(number) => numbers.extend(number.as_f64()),
+        Value::Array(all) => all.iter().for_each(|value| collect(value, numbers)),
+        Value::Object(fields) => {
+            let kept = fields.iter().filter(|(name, _)| *name != "date" && *name != "made");
+            kept.for_each(|(_, value)| collect(value, numbers));
+        }
+        _ => {}
+    }
+}
