@@ -7,7 +7,7 @@
 //! `harbour --write-paths FOLDER` writes the walks that a map is made and judged with:
 //!
 //! ```sh
-//! frugal precompute --app "cargo run -p frugal_examples --example harbour" --cameras target/harbour/tour.cameras \
+//! frugal precompute --app "cargo run --example harbour" --cameras target/harbour/tour.cameras \
 //!     --size 96x54 --fps 8 --time-limit 2h -o target/harbour.pareto.ron
 //! ```
 
