@@ -160,7 +160,8 @@ fn the_path_tracer_imports_downhill() {
 
 /// Every document, and its text.
 fn documents() -> Vec<(PathBuf, String)> {
-    let mut files = vec![workspace().join("README.md"), workspace().join("ARCHITECTURE.md")];
+    let mut files: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|name| workspace().join(name)).into();
     for folder in ["docs", "docs/architecture"] {
         let entries = std::fs::read_dir(workspace().join(folder)).expect("documents");
         files.extend(entries.map(|entry| entry.expect("an entry").path()));

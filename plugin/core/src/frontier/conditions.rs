@@ -218,10 +218,13 @@ impl MapFit {
                 "the image has {:.0} % of the map's pixels: run `frugal precompute` with the app's --size",
                 percent(self.pixels)
             ),
-            Misfit::FrameRate => format!(
-                "the frame rate is {:.0} % of the map's: hold that rate (`Budget::with_frame_time`), or run `frugal precompute` with the app's --fps",
-                percent(self.frame_rate)
-            ),
+            Misfit::FrameRate => {
+                let percent = percent(self.frame_rate);
+                let hold = if percent > 100.0 { "FrameRateLimit" } else { "Budget::with_frame_time" };
+                format!(
+                    "the frame rate is {percent:.0} % of the map's: hold the map's (`{hold}`), or run `frugal precompute` with the app's --fps"
+                )
+            }
             Misfit::FieldOfView => format!(
                 "the field of view differs from the map's by {:.1} degrees: run `frugal precompute` on the app, or set `camera.vertical_fov` in the scene file",
                 self.field_of_view.unwrap_or(0.0)
