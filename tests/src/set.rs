@@ -58,7 +58,11 @@ pub fn open_with(
         app.add_plugins(NaiveRsmPlugin);
         extend(app);
     };
-    stage::open_with(&loaded(scene), options, extend).unwrap_or_else(|error| panic!("{error}"))
+    let mut stage =
+        stage::open_with(&loaded(scene), options, extend).unwrap_or_else(|error| panic!("{error}"));
+    // Closed forms and references are of one bounce, unless a test asks for more.
+    gi(&mut stage).bounces = 1;
+    stage
 }
 
 /// Opens a stage with `lights` and no meshes.

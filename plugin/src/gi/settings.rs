@@ -166,7 +166,7 @@ impl Default for FrugalGi {
             interleave: GiInterleave::Four,
             visibility: GiVisibility::Coarse,
             environment_samples: 16,
-            bounces: 1,
+            bounces: 2,
             emissive: true,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,
