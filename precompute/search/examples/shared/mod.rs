@@ -54,6 +54,7 @@ fn made<Map>(records: &[(RecordFile, Map)]) -> Made {
     let all = |of: fn(&Made) -> &String| {
         let made = records.iter().map(|(record, _)| of(&record.made).as_str());
         let mut all: Vec<&str> = made.collect();
+        all.sort_unstable();
         all.dedup();
         all.join("; ")
     };
