@@ -73,6 +73,8 @@ fn any_size_is_gathered_and_a_resize_leaves_no_trace() {
             pixel_fraction,
             visibility,
             rsm_resolution: 64,
+            // Patches of further bounces are each camera's own, and drawn anew in time.
+            bounces: 1,
             ..Default::default()
         };
         let (cell_width, cell_height) = pixel_fraction.cell();
