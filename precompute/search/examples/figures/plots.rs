@@ -42,7 +42,7 @@ fn error_at_equal_power(data: &Data) -> String {
     let (low, high) = range(rows.iter().flat_map(|row| series.iter().map(|it| it.2(row).error)));
     let errors = (0.85 * low, 1.3 * high);
     let mut svg = Svg::new(
-        "Mean error against mean power on seven paths: the controller, the trained constant, two constants in \
+        "Mean error against mean power on each path: the controller, the trained constant, two constants in \
          turns, and an oracle.",
         548.0,
     );
@@ -54,11 +54,13 @@ fn error_at_equal_power(data: &Data) -> String {
         (100.0 * (played.w - low) / (high - low), played.error)
     };
     let paths = paths(data);
-    let pitch = (WIDTH + 4.0 - 56.0) / paths.len().div_ceil(2) as f64;
+    // Two rows; columns share the width.
+    let (margin, gap) = (56.0, 18.0);
+    let pitch = (WIDTH - margin + 4.0) / paths.len().div_ceil(2) as f64;
     for (index, (scene, path)) in paths.into_iter().enumerate() {
-        let (left, top) = (56.0 + pitch * (index / 2) as f64, 66.0 + 236.0 * (index % 2) as f64);
+        let (left, top) = (margin + pitch * (index / 2) as f64, 66.0 + 236.0 * (index % 2) as f64);
         let panel = Panel {
-            x: Axis::linear((-4.0, 96.0), (left, left + pitch - 18.0)),
+            x: Axis::linear((-4.0, 96.0), (left, left + pitch - gap)),
             y: Axis::logarithmic(errors, (top + 186.0, top)),
         };
         let xs = [(10.0, "10"), (30.0, "30"), (50.0, "50"), (70.0, "70"), (90.0, "90")];
@@ -114,7 +116,7 @@ fn error_ratios(data: &Data) -> String {
     let bottom = 50.0 + 62.0 * paths.len() as f64;
     let mut svg = Svg::new(
         "Error of the controller divided by that of each of four baselines under the same power budget: median and \
-         extremes of seven budgets for each of seven paths.",
+         extremes of seven budgets for each path.",
         bottom + 44.0,
     );
     let entries: Vec<_> = BASELINES
