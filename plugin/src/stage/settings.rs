@@ -2,11 +2,17 @@
 
 use std::sync::Arc;
 
+use bevy::diagnostic::FrameCount;
+
 use super::default_settings::default_settings;
 use super::level::Held;
 use super::{Stage, StageError, camera};
 use crate::gi::CameraCut;
 use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace, KnobSpaceError};
+
+/// Number of the first frame after a cut. More frames than any app has loaded with: Bevy takes an
+/// object whose last change has a frame's number for one that moved in that frame.
+const FIRST_FRAME: u32 = 1 << 20;
 
 /// The space of the knobs called `names`, opt-in ones included.
 ///
@@ -31,9 +37,12 @@ impl Stage {
         self.cut();
     }
 
-    /// Makes the next frame a camera cut.
+    /// Makes the next frame a camera cut, and gives it the same number each time: effects that draw
+    /// random numbers by the frame's number then draw the same in every clip.
     fn cut(&mut self) {
-        self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
+        let world = self.app.world_mut();
+        world.entity_mut(self.camera).insert(CameraCut);
+        world.insert_resource(FrameCount(FIRST_FRAME));
     }
 
     /// Sets the knobs on offer without a cut, as a controller does.
