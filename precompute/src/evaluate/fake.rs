@@ -15,6 +15,8 @@ pub(crate) struct Fake {
     pub(crate) runs: Vec<String>,
     /// Additional watts of each run over the one before.
     pub(crate) drift: f64,
+    /// How much brighter the images of each run are than those of the one before.
+    pub(crate) brighter: u8,
     /// The frame, counted over all runs, that fails.
     pub(crate) broken_at: Option<usize>,
     /// Frames rendered over all runs.
@@ -39,8 +41,9 @@ impl FrameRenderer for Fake {
             + 0.01 * f64::from(pose.position.x)
             + self.drift * (self.runs.len() - 1) as f64;
         self.frames += 1;
+        let grey = grey(settings) + self.brighter * (self.runs.len() - 1) as u8;
         Ok(RenderedFrame {
-            picture: Picture::from_fn(16, 12, |_, _| [grey(settings); 3]),
+            picture: Picture::from_fn(16, 12, |_, _| [grey; 3]),
             power: Watts(watts),
         })
     }

@@ -1,5 +1,6 @@
 //! Recording: the whole path with every setting, by one renderer or several side by side.
 
+use std::iter;
 use std::ops::ControlFlow;
 
 use frugal_core::frontier::CostPoint;
@@ -14,8 +15,8 @@ use crate::stage::{FrameRenderer, side_by_side};
 /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
 /// frame's cost. Several renderers play different settings side by side.
 ///
-/// The best settings are rendered first, whether recorded or not: their images are the
-/// references.
+/// The best settings are rendered first: their images are the references. Their own cost is that of
+/// another run, so that what differs between two runs counts for them as for all others.
 ///
 /// # Errors
 /// When a frame renderer fails, the journal cannot be written, or `on_frame` breaks.
@@ -27,13 +28,12 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
 ) -> Result<(), EvaluationError> {
     let PathRecord { path, space, table } = record;
-    let mut missing = space.canonical_once(settings.iter().copied());
+    let best = space.canonical(space.highest());
+    let mut missing = space.canonical_once(iter::once(best).chain(settings.iter().copied()));
     missing.retain(|settings| table.column(*settings).is_none());
     let Some(first) = renderers.first_mut().filter(|_| !missing.is_empty()) else {
         return Ok(());
     };
-    let best = space.canonical(space.highest());
-    missing.retain(|settings| *settings != best);
     let frames_total = (1 + missing.len()) * path.poses().len();
     let mut frames_done = 0;
     let mut told = |settings: KnobLevels| {
@@ -41,9 +41,6 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
         on_frame(&Progress { run: &space.describe(settings), frames_done, frames_total })
     };
     let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
-        if table.column(settings).is_some() {
-            return Ok(());
-        }
         for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
             let cost = CostPoint::new(power.0, error);
             journal.append(&write_line(settings, frame, cost))?;
@@ -52,11 +49,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
         Ok::<_, JournalError>(())
     };
     let mut references: Vec<Reference> = Vec::new();
-    let series =
-        constant(first, (path, space), best, Against::Collect(&mut references), &mut || {
-            told(best)
-        })?;
-    keep(best, series)?;
+    constant(first, (path, space), best, Against::Collect(&mut references), &mut || told(best))?;
 
     let (path, space) = (&*path, &*space);
     let mut result = Ok(());
@@ -130,7 +123,7 @@ mod tests {
         let stopped =
             extend(&mut record, &mut [Fake::default()], &[low], &mut journal, &mut |_| {
                 frames += 1;
-                if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                if frames == 25 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             });
         assert!(matches!(stopped, Err(EvaluationError::Interrupted)));
         drop(journal);
@@ -178,7 +171,8 @@ mod tests {
             ControlFlow::Continue(())
         })
         .expect("plays");
-        assert_eq!(record.table.settings(), [high, low], "once each, the references first");
+        let recorded = record.table.settings();
+        assert!(recorded.len() == 2 && recorded.contains(&high) && recorded.contains(&low));
         for settings in [low, high] {
             let mut references = Vec::new();
             let mut renderer = Fake::default();
@@ -192,5 +186,20 @@ mod tests {
             let real = run(settings, Against::Compare(&references));
             assert_eq!(record.simulate(&mut Fixed(settings)), real);
         }
+    }
+
+    #[test]
+    fn what_differs_between_two_runs_counts_for_the_best_settings_too() {
+        let high = space().highest();
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        let (mut journal, _) =
+            Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
+        let mut record = PathRecord::restore(&path(), &space(), &[]);
+        let mut unsteady = [Fake { brighter: 10, ..Fake::default() }];
+        extend(&mut record, &mut unsteady, &[], &mut journal, &mut |_| ControlFlow::Continue(()))
+            .expect("plays");
+        let cost = record.table.get(0, high).expect("recorded");
+        assert!(cost.error > 1e-6, "{cost:?}");
     }
 }
