@@ -128,8 +128,11 @@ fn uncover(
     warming: Query<(), With<WarmKnobs>>,
     mut cover: Single<(&mut Node, &mut BackgroundColor), With<Cover>>,
 ) {
-    let (height, shade) = if warming.is_empty() { (Val::Auto, 0.65) } else { (percent(100), 1.0) };
+    // The text stays at the foot, where the panel is not.
+    let (height, top, shade) =
+        if warming.is_empty() { (Val::Auto, px(4), 0.65) } else { (percent(100), vh(88), 1.0) };
     let (node, color) = &mut *cover;
-    node.set_if_neq(Node { width: percent(100), height, ..node.clone() });
+    let padding = UiRect { top, ..node.padding };
+    node.set_if_neq(Node { width: percent(100), height, padding, ..node.clone() });
     color.set_if_neq(BackgroundColor(Color::srgba(0.0, 0.0, 0.0, shade)));
 }
