@@ -189,7 +189,10 @@ impl Stage {
         self.place(pose.position, pose.rotation);
         self.apply(settings);
         (0..FRAMES_BEFORE_RUN).for_each(|_| self.frame());
-        self.finish_pipelines()
+        self.finish_pipelines()?;
+        // That took some frames or none.
+        self.number_frames();
+        Ok(())
     }
 
     /// Renders and meters the next frame of a run, including the cost of a switch of settings, which

@@ -10,7 +10,7 @@ use super::{Stage, StageError, camera};
 use crate::gi::CameraCut;
 use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace, KnobSpaceError};
 
-/// Number of the first frame after a cut. More frames than any app has loaded with: Bevy takes an
+/// Number of the first frame of a clip or run. More frames than any app has loaded with: Bevy takes an
 /// object whose last change has a frame's number for one that moved in that frame.
 const FIRST_FRAME: u32 = 1 << 20;
 
@@ -37,12 +37,16 @@ impl Stage {
         self.cut();
     }
 
-    /// Makes the next frame a camera cut, and gives it the same number each time: effects that draw
-    /// random numbers by the frame's number then draw the same in every clip.
+    /// Makes the next frame a camera cut.
     fn cut(&mut self) {
-        let world = self.app.world_mut();
-        world.entity_mut(self.camera).insert(CameraCut);
-        world.insert_resource(FrameCount(FIRST_FRAME));
+        self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
+        self.number_frames();
+    }
+
+    /// Gives the next frame the same number each time: effects that draw random numbers by it then draw
+    /// the same in every clip and run.
+    pub(super) fn number_frames(&mut self) {
+        self.app.world_mut().insert_resource(FrameCount(FIRST_FRAME));
     }
 
     /// Sets the knobs on offer without a cut, as a controller does.
