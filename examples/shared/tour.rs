@@ -56,15 +56,18 @@ impl Tour {
     }
 }
 
-/// Moves the camera; Space pauses and resumes, C cuts. Waits while knobs are warmed.
+/// Moves the camera, and the one that the HUD's wipe copies from it; Space pauses and resumes, C cuts.
+/// Waits while knobs are warmed.
 pub fn travel(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
     mut tour: ResMut<Tour>,
     mut commands: Commands,
-    camera: Single<(Entity, &mut Transform), (With<FrugalGi>, Without<WarmKnobs>)>,
+    mut cameras: Query<(Entity, &mut Transform), (With<FrugalGi>, Without<WarmKnobs>)>,
 ) {
-    let (camera, mut transform) = camera.into_inner();
+    if cameras.is_empty() {
+        return;
+    }
     if keys.just_pressed(KeyCode::Space) {
         tour.paused = !tour.paused;
     }
@@ -72,8 +75,10 @@ pub fn travel(
     let seconds = if tour.paused { 0.0 } else { time.delta_secs() * TIME_SCALE };
     let skipped = if cuts { tour.path.duration() * CUT_FRACTION } else { 0.0 };
     let wraps = tour.advance(seconds + skipped);
-    *transform = tour.transform();
-    if cuts || wraps {
-        commands.entity(camera).insert(CameraCut);
+    for (camera, mut transform) in &mut cameras {
+        *transform = tour.transform();
+        if cuts || wraps {
+            commands.entity(camera).insert(CameraCut);
+        }
     }
 }
