@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use bevy_frugal_gi::gi::{CameraCut, FrugalGi};
 use bevy_frugal_gi::knobs::WarmKnobs;
+use bevy_frugal_gi_tools::HudPart;
 use frugal::scene::{CameraPath, SceneDescription};
 
 /// Playback speed as a fraction of the path's own, which is many metres per second, for
@@ -56,18 +57,18 @@ impl Tour {
     }
 }
 
-/// Moves the camera, and the one that the HUD's wipe copies from it; Space pauses and resumes, C cuts.
-/// Waits while knobs are warmed.
+/// The app's camera, not the one that the HUD's wipe copies from it.
+type Toured = (With<FrugalGi>, Without<WarmKnobs>, Without<HudPart>);
+
+/// Moves the camera; Space pauses and resumes, C cuts. Waits while knobs are warmed.
 pub fn travel(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
     mut tour: ResMut<Tour>,
     mut commands: Commands,
-    mut cameras: Query<(Entity, &mut Transform), (With<FrugalGi>, Without<WarmKnobs>)>,
+    camera: Single<(Entity, &mut Transform), Toured>,
 ) {
-    if cameras.is_empty() {
-        return;
-    }
+    let (camera, mut transform) = camera.into_inner();
     if keys.just_pressed(KeyCode::Space) {
         tour.paused = !tour.paused;
     }
@@ -75,10 +76,8 @@ pub fn travel(
     let seconds = if tour.paused { 0.0 } else { time.delta_secs() * TIME_SCALE };
     let skipped = if cuts { tour.path.duration() * CUT_FRACTION } else { 0.0 };
     let wraps = tour.advance(seconds + skipped);
-    for (camera, mut transform) in &mut cameras {
-        *transform = tour.transform();
-        if cuts || wraps {
-            commands.entity(camera).insert(CameraCut);
-        }
+    *transform = tour.transform();
+    if cuts || wraps {
+        commands.entity(camera).insert(CameraCut);
     }
 }
