@@ -12,6 +12,7 @@
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
 
+use super::delay::DelayFinder;
 use super::history::{MAX_WATTS, PredictionHistory};
 use crate::units::Watts;
 
@@ -121,6 +122,7 @@ pub struct PowerModel {
     readings: u64,
     used: PowerCorrection,
     history: PredictionHistory,
+    delay: DelayFinder,
     /// Mean square of what readings were off their corrected prediction, as a share.
     residual: f64,
     has_left: bool,
@@ -141,6 +143,7 @@ impl Default for PowerModel {
             readings: 0,
             used: PowerCorrection::default(),
             history: PredictionHistory::default(),
+            delay: DelayFinder::default(),
             residual: 0.0,
             has_left: false,
             energies: [0.0; 2],
@@ -158,9 +161,9 @@ impl PowerModel {
     }
 
     /// The correction of a mean over tens of seconds: metered energy for each predicted one of the last
-    /// minutes. It does not follow single views, and bears readings that are late.
+    /// minutes. It does not follow single views. Of a meter that is late by up to 40 s, the delay is found.
     pub fn mean_correction(&self) -> PowerCorrection {
-        let [predicted, metered] = self.energies;
+        let [predicted, metered] = self.delay.energies().unwrap_or(self.energies);
         let gain = metered / predicted;
         let is_known = gain.is_finite() && gain > 0.0;
         let gain = if is_known { gain.clamp(1.0 / MAX_RATIO, MAX_RATIO) } else { 1.0 };
@@ -195,12 +198,15 @@ impl PowerModel {
     /// Adds a frame of `delta_seconds` with the predicted power of its settings, without
     /// correction. Ignored unless the power is from 0 W to 100 kW, and the time above 0.
     pub fn predict(&mut self, predicted: Watts, delta_seconds: f64) {
-        self.history.push(predicted.0, delta_seconds);
+        if self.history.push(predicted.0, delta_seconds) {
+            self.delay.predict(predicted.0, delta_seconds);
+        }
     }
 
     /// Forgets the predictions, but not what was learnt: for frames without a prediction.
     pub fn pause(&mut self) {
         self.history.clear();
+        self.delay.pause();
     }
 
     /// Adds a reading: the mean power of the last `interval_seconds`. Ignored if it is not from 0 W
@@ -208,10 +214,15 @@ impl PowerModel {
     pub fn read(&mut self, metered: Watts, interval_seconds: f64) {
         let is_time = interval_seconds > 0.0 && interval_seconds.is_finite();
         let is_valid = (0.0..=MAX_WATTS).contains(&metered.0) && is_time;
-        let Some((predicted, spread)) = self.history.mean(interval_seconds).filter(|_| is_valid)
-        else {
+        if !is_valid {
             return;
+        }
+        self.delay.read(metered.0, interval_seconds);
+        let of_reading = match self.delay.delay() {
+            0 => self.history.mean(interval_seconds),
+            _ => self.delay.of_reading(interval_seconds),
         };
+        let Some((predicted, spread)) = of_reading else { return };
         let kept = (-interval_seconds / MEAN_SECONDS).exp();
         for (sum, watts) in self.energies.iter_mut().zip([predicted, metered.0]) {
             *sum = *sum * kept + watts * interval_seconds;

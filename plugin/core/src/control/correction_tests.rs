@@ -339,3 +339,22 @@ fn the_correction_of_a_mean_is_the_ratio_of_energies() {
     dark.read(Watts(5.0), 1.0);
     assert_eq!(dark.mean_correction(), PowerCorrection::default(), "no ratio");
 }
+
+#[test]
+fn a_meter_that_is_late_does_not_bend_the_correction_of_the_mean() {
+    let watts = |second: usize| {
+        let view = 4.0 + (78.233 * (second / 4) as f64).sin();
+        // The first readings say that this is too much.
+        if second < 30 { view } else { 0.6 * view }
+    };
+    let mut model = PowerModel::default();
+    for second in 0..120 {
+        (0..60).for_each(|_| model.predict(Watts(watts(second)), FRAME));
+        if let Some(then) = second.checked_sub(30) {
+            model.read(Watts(1.4 * watts(then)), 1.0);
+        }
+    }
+    let gain = model.mean_correction().gain;
+    assert!((gain / 1.4 - 1.0).abs() < 0.01, "{gain}");
+    assert!(!model.has_left_map(), "{}", model.residual());
+}

@@ -23,12 +23,12 @@ impl Default for PredictionHistory {
 }
 
 impl PredictionHistory {
-    /// Adds `watts` over `seconds`; ignored unless the power is plausible, and the time finite and
-    /// above 0.
-    pub(super) fn push(&mut self, watts: f64, seconds: f64) {
+    /// Adds `watts` over `seconds`, if the power is plausible, and the time finite and above 0; returns
+    /// whether they are.
+    pub(super) fn push(&mut self, watts: f64, seconds: f64) -> bool {
         let is_time = seconds > 0.0 && seconds.is_finite();
         if !((0.0..=MAX_WATTS).contains(&watts) && is_time) {
-            return;
+            return false;
         }
         match self.0.back_mut() {
             Some((mean, length)) if *length < PART_SECONDS => {
@@ -42,6 +42,7 @@ impl PredictionHistory {
                 self.0.push_back((watts, seconds));
             }
         }
+        true
     }
 
     pub(super) fn clear(&mut self) {
@@ -82,8 +83,8 @@ mod tests {
     fn the_mean_is_that_of_the_interval() {
         let mut history = PredictionHistory::default();
         assert_eq!(history.mean(0.25), None);
-        (0..100).for_each(|_| history.push(1.0, 0.01));
-        (0..50).for_each(|_| history.push(3.0, 0.01));
+        (0..100).for_each(|_| assert!(history.push(1.0, 0.01)));
+        (0..50).for_each(|_| assert!(history.push(3.0, 0.01)));
         let (mean, spread) = history.mean(1.0).expect("a mean");
         assert!((mean - 2.0).abs() < 1e-9 && (spread - 2.0).abs() < 1e-9, "{mean} {spread}");
         let (mean, spread) = history.mean(0.2).expect("a mean");
@@ -96,15 +97,15 @@ mod tests {
     fn it_never_grows_and_ignores_what_is_no_power() {
         let mut history = PredictionHistory::default();
         for odd in [f64::NAN, f64::INFINITY, -1.0, 1e300] {
-            history.push(odd, 0.1);
+            assert!(!history.push(odd, 0.1));
         }
         for odd in [f64::NAN, f64::INFINITY, -1.0] {
-            history.push(1.0, odd);
+            assert!(!history.push(1.0, odd));
         }
-        history.push(1.0, 0.0);
+        assert!(!history.push(1.0, 0.0));
         assert_eq!(history.last(), None);
         let capacity = history.0.capacity();
-        (0..10_000).for_each(|_| history.push(1.0, 0.03));
+        (0..10_000).for_each(|_| assert!(history.push(1.0, 0.03)));
         assert_eq!((history.0.len(), history.0.capacity()), (PARTS, capacity));
         for seconds in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
             let _ = history.mean(seconds);

@@ -14,6 +14,7 @@ mod budget;
 mod choose;
 mod controller;
 mod correction;
+mod delay;
 mod dwell;
 mod error_feedback;
 mod exchange;

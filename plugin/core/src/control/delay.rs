@@ -1,0 +1,297 @@
+//! How late a meter's readings are.
+//!
+//! A battery's gauge reports what was, seconds ago. Of all delays in whole seconds, the meter's is the
+//! one at which changes of the predictions explain changes of the readings best (Knapp and Carter 1976,
+//! "The generalized correlation method for estimation of time delay", for one signal that is known).
+//! Levels would not do: a device that turns hungrier fits some delay by chance.
+
+use std::collections::VecDeque;
+
+/// Longest delay that is looked for, seconds. Higher values find a delay by chance sooner.
+const MAX_DELAY: usize = 40;
+/// Seconds of the two means whose difference is a change, at least; a reading's interval where that is
+/// longer. Higher values bear delays of half a second and noise; lower values tell more changes apart.
+const CHANGE_SECONDS: usize = 3;
+/// Longest interval of a reading, seconds.
+const MAX_INTERVAL: usize = 20;
+/// Largest change that counts, as a share of the sum of the two: one large step says no more than one.
+const MAX_CHANGE: f64 = 0.03;
+/// Seconds of predictions that are kept.
+const KEPT: usize = MAX_DELAY + 2 * MAX_INTERVAL;
+/// Time constant with which readings are forgotten, seconds.
+const FORGETTING_SECONDS: f64 = 240.0;
+/// Seconds of change, all alike, that a delay needs before it is believed: a few steps, of which each
+/// spans three. One step of a device and one of its settings lie at some delay by chance.
+const LEAST_CHANGES: f64 = 8.0;
+/// What a delay may leave unexplained, as a share of what none leaves.
+const MOST_LEFT: f64 = 0.3;
+/// And of what the delay in use leaves, so that neighbours do not take turns.
+const MOST_OF_PRESENT: f64 = 0.8;
+
+/// Squares of changes, of which older ones fade.
+#[derive(Clone, Copy, Debug, Default)]
+struct Squares {
+    predicted: f64,
+    both: f64,
+    metered: f64,
+    /// Of `both`.
+    fourth: f64,
+}
+
+impl Squares {
+    fn add(&mut self, predicted: f64, metered: f64, kept: f64) {
+        self.predicted = self.predicted * kept + predicted * predicted;
+        self.both = self.both * kept + predicted * metered;
+        self.metered = self.metered * kept + metered * metered;
+        self.fourth = self.fourth * kept + (predicted * metered).powi(2);
+    }
+
+    /// Number of changes, if all were alike.
+    fn count(&self) -> f64 {
+        if self.fourth > 0.0 { self.both * self.both / self.fourth } else { 0.0 }
+    }
+
+    /// What no rising line through 0 explains.
+    fn unexplained(&self) -> f64 {
+        let both = self.both.max(0.0);
+        let explained = if self.predicted > 0.0 { both * both / self.predicted } else { 0.0 };
+        (self.metered - explained).max(0.0)
+    }
+}
+
+/// A delay.
+#[derive(Clone, Copy, Debug, Default)]
+struct Candidate {
+    /// Predicted and metered energy, joules, of which older ones fade.
+    energies: [f64; 2],
+    delayed: Squares,
+    /// Without a delay, of the same readings.
+    prompt: Squares,
+}
+
+impl Candidate {
+    /// What the delay leaves unexplained, as a share of what none leaves.
+    fn left(&self) -> f64 {
+        let share = self.delayed.unexplained() / self.prompt.unexplained();
+        if share.is_finite() && self.delayed.count() >= LEAST_CHANGES { share } else { 1.0 }
+    }
+}
+
+/// Means of seconds, in watts; the latest last.
+#[derive(Clone, Debug)]
+struct Seconds {
+    means: VecDeque<f64>,
+    /// Joules and seconds of the one that is not over.
+    begun: [f64; 2],
+}
+
+impl Seconds {
+    fn new() -> Self {
+        Self { means: VecDeque::with_capacity(KEPT), begun: [0.0; 2] }
+    }
+
+    /// Adds `watts` over `seconds`; returns how many seconds have ended.
+    fn add(&mut self, watts: f64, seconds: f64) -> usize {
+        let (mut left, mut ended) = (seconds.min(KEPT as f64), 0);
+        // A rounding error neither leaves a second open nor begins one.
+        while left > 1e-9 {
+            let part = left.min(1.0 - self.begun[1]);
+            self.begun = [self.begun[0] + watts * part, self.begun[1] + part];
+            left -= part;
+            if self.begun[1] >= 1.0 - 1e-9 {
+                if self.means.len() == KEPT {
+                    self.means.pop_front();
+                }
+                self.means.push_back(self.begun[0] / self.begun[1]);
+                self.begun = [0.0; 2];
+                ended += 1;
+            }
+        }
+        ended
+    }
+
+    fn clear(&mut self) {
+        self.means.clear();
+        self.begun = [0.0; 2];
+    }
+
+    /// The `count` seconds that ended `ago` seconds before the last.
+    fn slice(&self, count: usize, ago: usize) -> Option<impl Iterator<Item = f64> + '_> {
+        let end = self.means.len().checked_sub(ago)?;
+        let start = end.checked_sub(count)?;
+        Some(self.means.range(start..end).copied())
+    }
+
+    fn mean(&self, count: usize, ago: usize) -> Option<f64> {
+        Some(self.slice(count, ago)?.sum::<f64>() / count as f64)
+    }
+
+    /// The mean of the last `count` seconds less that of as many before, `ago` seconds ago, as a share of
+    /// their sum, within limits.
+    fn change(&self, count: usize, ago: usize) -> Option<f64> {
+        let before = self.mean(count, ago + count)?;
+        let after = self.mean(count, ago)?;
+        let change = (after - before) / (after + before);
+        Some(if change.is_finite() { change.clamp(-MAX_CHANGE, MAX_CHANGE) } else { 0.0 })
+    }
+}
+
+/// Finds the delay of a meter from predictions and readings.
+#[derive(Clone, Debug)]
+pub(super) struct DelayFinder {
+    predicted: Seconds,
+    metered: Seconds,
+    candidates: Vec<Candidate>,
+    delay: usize,
+}
+
+impl Default for DelayFinder {
+    fn default() -> Self {
+        Self {
+            predicted: Seconds::new(),
+            metered: Seconds::new(),
+            candidates: vec![Candidate::default(); MAX_DELAY + 1],
+            delay: 0,
+        }
+    }
+}
+
+impl DelayFinder {
+    /// Adds a prediction of plausible `watts` over `seconds` above 0.
+    pub(super) fn predict(&mut self, watts: f64, seconds: f64) {
+        self.predicted.add(watts, seconds);
+    }
+
+    /// Forgets predictions and readings, but not the delay.
+    pub(super) fn pause(&mut self) {
+        self.predicted.clear();
+        self.metered.clear();
+    }
+
+    /// Adds a reading of plausible `watts`, the mean of `seconds`.
+    pub(super) fn read(&mut self, watts: f64, seconds: f64) {
+        let ended = self.metered.add(watts, seconds);
+        if !(1..=MAX_INTERVAL).contains(&ended) {
+            return;
+        }
+        let span = ended.max(CHANGE_SECONDS);
+        let seconds = ended as f64;
+        let kept = (-seconds / FORGETTING_SECONDS).exp();
+        let Some(metered) = self.metered.mean(ended, 0) else { return };
+        let prompt = self.predicted.change(span, 0).zip(self.metered.change(span, 0));
+        for (delay, candidate) in self.candidates.iter_mut().enumerate().skip(1) {
+            let Some(predicted) = self.predicted.mean(ended, delay) else { break };
+            for (sum, watts) in candidate.energies.iter_mut().zip([predicted, metered]) {
+                *sum = *sum * kept + watts * seconds;
+            }
+            if let Some((delayed, (prompt, change))) =
+                self.predicted.change(span, delay).zip(prompt)
+            {
+                candidate.delayed.add(delayed, change, kept);
+                candidate.prompt.add(prompt, change, kept);
+            }
+        }
+        let left = |delay: usize| if delay == 0 { 1.0 } else { self.candidates[delay].left() };
+        let best = (0..=MAX_DELAY).min_by(|a, b| left(*a).total_cmp(&left(*b))).unwrap_or(0);
+        let present = left(self.delay);
+        if best > 0 && left(best) < MOST_LEFT.min(MOST_OF_PRESENT * present) {
+            self.delay = best;
+        } else if present > MOST_OF_PRESENT {
+            self.delay = 0;
+        }
+    }
+
+    /// The delay, seconds; 0 unless a greater one is certain.
+    pub(super) fn delay(&self) -> usize {
+        self.delay
+    }
+
+    /// Predicted and metered energy, joules, at the delay; `None` without one.
+    pub(super) fn energies(&self) -> Option<[f64; 2]> {
+        (self.delay > 0).then_some(self.candidates[self.delay].energies)
+    }
+
+    /// What a reading of an interval was a measure of: mean and range of predictions, watts.
+    pub(super) fn of_reading(&self, seconds: f64) -> Option<(f64, f64)> {
+        let count = (seconds.round() as usize).clamp(1, MAX_INTERVAL);
+        let mean = self.predicted.mean(count, self.delay)?;
+        // The meter's seconds begin within those of the predictions.
+        let around = self.predicted.slice(count + 1, self.delay.saturating_sub(1))?;
+        let range = |(low, high): (f64, f64), watts: f64| (low.min(watts), high.max(watts));
+        let (low, high) = around.fold((mean, mean), range);
+        Some((mean, high - low))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Predictions that change every few seconds, metered `gain` times as high, `late` seconds later.
+    fn after(seconds: usize, late: usize, gain: f64, noise: f64) -> DelayFinder {
+        let watts = |second: usize| 4.0 + 2.0 * (78.233 * (second / 4) as f64).sin();
+        let mut finder = DelayFinder::default();
+        for second in 0..seconds {
+            (0..60).for_each(|_| finder.predict(watts(second), 1.0 / 60.0));
+            if let Some(then) = second.checked_sub(late) {
+                let wave = 1.0 + noise * f64::from(second as u16).sin();
+                finder.read(gain * watts(then) * wave + 0.5, 1.0);
+            }
+        }
+        finder
+    }
+
+    #[test]
+    fn the_delay_is_found_within_half_a_minute_of_readings() {
+        for late in [0, 3, 12, 30, 40] {
+            assert_eq!(after(late + 30, late, 1.4, 0.03).delay(), late);
+        }
+    }
+
+    #[test]
+    fn the_delay_of_a_slow_meter_is_found_too() {
+        let watts = |second: usize| 4.0 + 2.0 * (78.233 * (second / 7) as f64).sin();
+        let mut finder = DelayFinder::default();
+        for second in 0..200 {
+            finder.predict(watts(second), 1.0);
+            if second % 5 == 4 && second >= 29 {
+                let then = (second - 24..second - 19).map(watts).sum::<f64>() / 5.0;
+                finder.read(1.4 * then, 5.0);
+            }
+        }
+        assert_eq!(finder.delay(), 20);
+        let [predicted, metered] = finder.energies().expect("a delay");
+        assert!((metered / predicted - 1.4).abs() < 1e-6, "{metered} {predicted}");
+    }
+
+    #[test]
+    fn readings_that_follow_nothing_are_not_late() {
+        let mut finder = DelayFinder::default();
+        for second in 0..600_u16 {
+            finder.predict(if second % 50 < 25 { 2.0 } else { 5.0 }, 1.0);
+            // Noise alone, and a device whose power does not change.
+            finder.read(4.0 + (f64::from(second) * 12.9898).sin().fract(), 1.0);
+            assert_eq!(finder.delay(), 0, "second {second}");
+        }
+        let mut finder = DelayFinder::default();
+        (0..600).for_each(|_| {
+            finder.predict(3.0, 1.0);
+            finder.read(4.2, 1.0);
+        });
+        assert_eq!(finder.delay(), 0);
+        assert!(finder.energies().is_none());
+    }
+
+    #[test]
+    fn pauses_and_odd_frames_do_no_harm() {
+        let mut finder = after(100, 30, 1.4, 0.0);
+        finder.pause();
+        assert_eq!(finder.of_reading(1.0), None);
+        for seconds in [1e-9, 1e-3, 0.3, 7.0, 1e6] {
+            finder.predict(1e5, seconds);
+            finder.read(1e5, seconds);
+        }
+        assert!(finder.predicted.means.len() <= KEPT && finder.metered.means.len() <= KEPT);
+        assert!(finder.predicted.means.iter().all(|watts| watts.is_finite()));
+    }
+}
