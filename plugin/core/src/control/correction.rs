@@ -45,6 +45,9 @@ const PRIOR: [f64; 2] = [0.5, 0.3];
 /// Largest gain, its smallest reciprocal, and the largest offset as a multiple of the first
 /// predicted power: beyond, the readings are not those of this renderer.
 const MAX_RATIO: f64 = 10.0;
+/// Readings in succession beyond that which are no reason to believe it, at the start: an interval may
+/// cover what was before the app played.
+const ODD_AT_START: u32 = 3;
 /// Underestimate of the power, as a share, from which a new correction is used.
 const MAX_UNDERESTIMATE: f64 = 0.005;
 /// Overestimate from which it is used: room below a limit is less urgent, and settings that follow
@@ -120,6 +123,8 @@ pub struct PowerModel {
     /// Sign of the last reading's deviation, if it was an outlier.
     outlier: Option<f64>,
     readings: u64,
+    /// Number of readings before the first that were beyond all ratios.
+    odd: u32,
     used: PowerCorrection,
     history: PredictionHistory,
     delay: DelayFinder,
@@ -141,6 +146,7 @@ impl Default for PowerModel {
             alike: 0.0,
             outlier: None,
             readings: 0,
+            odd: 0,
             used: PowerCorrection::default(),
             history: PredictionHistory::default(),
             delay: DelayFinder::default(),
@@ -223,6 +229,11 @@ impl PowerModel {
             _ => self.delay.of_reading(interval_seconds),
         };
         let Some((predicted, spread)) = of_reading else { return };
+        let is_odd = !(1.0 / MAX_RATIO..=MAX_RATIO).contains(&(metered.0 / predicted));
+        if self.readings == 0 && is_odd && self.odd < ODD_AT_START {
+            self.odd += 1;
+            return;
+        }
         let kept = (-interval_seconds / MEAN_SECONDS).exp();
         for (sum, watts) in self.energies.iter_mut().zip([predicted, metered.0]) {
             *sum = *sum * kept + watts * interval_seconds;

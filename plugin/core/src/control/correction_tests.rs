@@ -358,3 +358,24 @@ fn a_meter_that_is_late_does_not_bend_the_correction_of_the_mean() {
     assert!((gain / 1.4 - 1.0).abs() < 0.01, "{gain}");
     assert!(!model.has_left_map(), "{}", model.residual());
 }
+
+#[test]
+fn a_first_reading_of_almost_nothing_is_not_believed() {
+    let mut model = PowerModel::default();
+    let mut read = |watts: f64, count: usize| {
+        for _ in 0..count {
+            (0..60).for_each(|_| model.predict(Watts(4.0), FRAME));
+            model.read(Watts(watts), 1.0);
+        }
+        model.mean_correction().gain
+    };
+    assert_eq!(read(0.004, 1), 1.0);
+    assert!((read(4.4, 1) - 1.1).abs() < 1e-9);
+    // A map of other watts altogether is corrected as far as a correction goes.
+    let mut model = PowerModel::default();
+    for _ in 0..30 {
+        (0..60).for_each(|_| model.predict(Watts(90.0), FRAME));
+        model.read(Watts(4.5), 1.0);
+    }
+    assert_eq!(model.mean_correction().gain, 0.1);
+}

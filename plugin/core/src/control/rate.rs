@@ -23,6 +23,8 @@ const PARTS: usize = 60;
 /// What windows may exceed a power budget by, as a share. Without it, views that come round in
 /// another rhythm than the horizon leave power unused.
 const TOLERANCE: f64 = 0.014;
+/// The same where the cheapest settings would not do with less.
+const LAST_TOLERANCE: f64 = 0.0195;
 /// Time constant with which the present view gives way to the mean of views, seconds. Higher values spend
 /// more cautiously in dear views.
 const VIEW_SECONDS: f64 = 2.0;
@@ -290,9 +292,16 @@ impl RateTracker {
         self.see(view, seconds, horizon);
         let last = (RATES - 1) as f64;
         let mean = &self.mean;
+        let mut tolerance = TOLERANCE;
         let by_power = finite(power).map(|_| {
-            let keeps = self.power.keeps(TOLERANCE);
-            greatest(|place| keeps(view.at(place).power.0, mean.at(place).power.0))
+            let greatest_within = |tolerance: f64| {
+                let keeps = self.power.keeps(tolerance);
+                greatest(|place| keeps(view.at(place).power.0, mean.at(place).power.0))
+            };
+            greatest_within(TOLERANCE).or_else(|| {
+                tolerance = LAST_TOLERANCE;
+                greatest_within(LAST_TOLERANCE)
+            })
         });
         let by_error = finite(error).map(|_| {
             let keeps = self.error.keeps(0.0);
@@ -327,7 +336,7 @@ impl RateTracker {
             mean.at((place.unwrap_or(0.0) + PER_DECADE * share.log10()).clamp(0.0, last))
         };
         let most_power = finite(power).map_or(f64::INFINITY, |limit| {
-            self.power.most(hold, later(LATER).power.0.min(limit), TOLERANCE)
+            self.power.most(hold, later(LATER).power.0.min(limit), tolerance)
         });
         let most_error = finite(error).map_or(f64::INFINITY, |limit| {
             self.error.most(hold, later(LATER.recip()).error.min(limit), 0.0)
