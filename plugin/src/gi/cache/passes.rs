@@ -104,7 +104,7 @@ impl FromWorld for CacheKernels {
             light,
             store: Kernel::new("frugal_gi/cache/store", "store_samples", &stores, &store)
                 .with_group(OccluderBuffers::layout()),
-            resolve: Kernel::new("frugal_gi/cache/resolve", "resolve", &resolves, &resolve)
+            resolve: Kernel::new("frugal_gi/cache/resolve", "resolve_cells", &resolves, &resolve)
                 .with_group(OccluderBuffers::layout()),
         }
     }

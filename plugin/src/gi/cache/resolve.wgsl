@@ -22,7 +22,7 @@ const PRIOR: f32 = 16.0;
 const ENOUGH: f32 = 4.0;
 
 @compute @workgroup_size(8, 8)
-fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+fn resolve_cells(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     begin_trace(thread);
     if any(id.xy >= textureDimensions(irradiance)) {
         return;

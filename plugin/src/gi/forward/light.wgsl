@@ -114,37 +114,34 @@ fn light_probes(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_inv
     }
     let place = place_of(slot, volume.base);
     let position = middle_of(place);
-    var probe = probes[slot];
     let key = key_of(place);
     let noise = random(slot * 64u + volume.seed * 1540483477u);
+    // Word by word: what rays do not need would take registers from them.
+    let is_new = probes[slot].faces[1].w != key;
 #ifdef SKY
-    let samples = probe.faces[0].w;
-    if probe.faces[1].w != key || probe.faces[3].w != 0u || samples == 0u {
+    let samples = probes[slot].faces[0].w;
+    if is_new || probes[slot].faces[3].w != 0u || samples == 0u {
         return;
     }
     let kept = 1.0;
 #else
-    if probe.faces[1].w != key {
-        probe = Probe();
-        probe.faces[1].w = key;
-    }
-    var looked = probe.faces[2].w;
-    var outside = probe.faces[3].w;
+    let before = select(probes[slot].faces[0].w, 0u, is_new);
+    var looked = select(probes[slot].faces[2].w, 0u, is_new);
+    var outside = select(probes[slot].faces[3].w, 0u, is_new);
     for (var k = 0u; k < LOOKS; k++) {
         let which = looked % NEIGHBOURS;
         let is_outside = leaves_solid(position, middle_of(place + neighbour(which)));
         outside = (outside & ~(1u << which)) | (u32(is_outside) << which);
         looked++;
     }
-    probe.faces[2].w = looked;
-    probe.faces[3].w = outside;
-    if outside != 0u {
-        probe.faces[0].w = 0u;
-        probes[slot] = probe;
+    let samples = select(min(before, volume.most - 1u) + 1u, 0u, outside != 0u);
+    probes[slot].faces[0].w = samples;
+    probes[slot].faces[1].w = key;
+    probes[slot].faces[2].w = looked;
+    probes[slot].faces[3].w = outside;
+    if samples == 0u {
         return;
     }
-    let samples = min(probe.faces[0].w, volume.most - 1u) + 1u;
-    probe.faces[0].w = samples;
     let kept = 1.0 - 1.0 / f32(samples);
 #endif
     // One set after another, each place from another one on.
@@ -154,8 +151,7 @@ fn light_probes(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_inv
     for (var face = 0u; face < 6u; face++) {
         // NaN compares false.
         let found = select(vec3(0.0), min(arrived[face], vec3(1e30)), arrived[face] >= vec3(0.0));
-        let old = bitcast<vec3<f32>>(probe.faces[face].xyz);
-        probe.faces[face] = vec4(bitcast<vec3<u32>>(old * kept + found * share), probe.faces[face].w);
+        let old = probes[slot].faces[face];
+        probes[slot].faces[face] = vec4(bitcast<vec3<u32>>(bitcast<vec3<f32>>(old.xyz) * kept + found * share), old.w);
     }
-    probes[slot] = probe;
 }
