@@ -34,6 +34,20 @@ pub(crate) fn is_work_meter(name: &str) -> Option<Option<&str>> {
     }
 }
 
+/// The meter of a map's file: a file of prices where the command runs, or else beside the map.
+pub(crate) fn of_map(name: &str, map: &Path) -> String {
+    match is_work_meter(name) {
+        Some(Some(file)) if !Path::new(file).exists() => {
+            let beside = map.with_file_name(file);
+            if beside.exists() {
+                return format!("{WORK_METER}={}", beside.display());
+            }
+        }
+        _ => {}
+    }
+    name.to_owned()
+}
+
 impl WorkMeter {
     /// Opens a meter at the prices in `file`, or at lavapipe's, for frames of `layout`.
     ///
@@ -64,6 +78,11 @@ impl WorkMeter {
             device.adapter,
             hash(&text) as u32
         );
+        // A map with this name travels; the folders of this machine do not.
+        let name = match file.map(|file| Path::new(file).file_name().unwrap_or(file.as_ref())) {
+            Some(file) => format!("{WORK_METER}={}", file.display()),
+            None => WORK_METER.to_owned(),
+        };
         let info = MeterInfo { name, provenance: Provenance::Modelled, description };
         Ok(Self { info, device, layout })
     }
@@ -121,6 +140,20 @@ mod tests {
             let counted = reading(before + frames * units) - reading(before);
             let mean = meter.idle() + Watts(counted / frames as f64 * 30.0);
             assert_eq!(mean.0.to_bits(), high.0.to_bits(), "{frames} frames after {before}");
+        }
+    }
+
+    #[test]
+    fn prices_travel_beside_a_map() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [map, file] = ["a.pareto.ron", "a.prices.ron"].map(|name| folder.path().join(name));
+        assert_eq!(of_map("work=a.prices.ron", &map), "work=a.prices.ron", "to be missed by name");
+        std::fs::write(&file, LAVAPIPE).expect("writes");
+        let meter = WorkMeter::open(file.to_str(), LAYOUT).expect("prices");
+        assert_eq!(meter.info().name, "work=a.prices.ron");
+        assert_eq!(of_map(&meter.info().name, &map), format!("work={}", file.display()));
+        for other in ["work", "cpu-time", "nvml=1"] {
+            assert_eq!(of_map(other, &map), other);
         }
     }
 

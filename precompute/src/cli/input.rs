@@ -13,6 +13,7 @@ use crate::evaluate::plan_along;
 use crate::scene::CameraPath;
 use crate::stage::{Program, StageOptions, StagedScene};
 use crate::subject::recorded_tracks;
+use crate::work_meter;
 
 /// What the arguments name: a scene file, or an app's level, whose program is started.
 pub(super) fn open_scene(arguments: &SceneArguments) -> Result<StagedScene, CliError> {
@@ -109,7 +110,7 @@ pub(super) fn stage_for_map(
         size: map.capture.size.into(),
         frames_per_second: map.capture.frames_per_second,
         knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
-        meter: meter.or_else(|| Some(map.meter.name.clone())),
+        meter: meter.or_else(|| Some(work_meter::of_map(&map.meter.name, map_path))),
         ..Default::default()
     })
 }

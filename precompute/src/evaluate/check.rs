@@ -139,6 +139,21 @@ mod tests {
         assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
         assert_eq!(result.drift.repeat_max_error, 0.0);
         assert!(result.warnings.last().unwrap().contains("the machine's"));
+        let differs = |result: &EvaluationResult| {
+            result
+                .warnings
+                .iter()
+                .filter(|warning| warning.contains("less power than the record"))
+                .count()
+        };
+        let cheaper: Vec<FrameRecord> = simulated
+            .iter()
+            .map(|frame| FrameRecord { power: frame.power * 0.7, ..frame.clone() })
+            .collect();
+        assert_eq!(differs(&result), 0);
+        let mut other = result.clone();
+        other.add_check(&cheaper, &simulated, real.drift);
+        assert_eq!(differs(&other), 1);
         let check = result.spot_check.unwrap();
         let mean =
             simulated.iter().map(|frame| frame.power.0).sum::<f64>() / simulated.len() as f64;

@@ -83,7 +83,7 @@ pub(crate) fn notes(result: &EvaluationResult) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some(check) = &result.spot_check {
         notes.push(format!(
-            "The frugal run rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}.",
+            "The frugal run rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}. Both go along the path once, the table's runs there and back.",
             check.mean_power_w.0,
             check.mean_error,
             check.recorded_mean_power_w.0,

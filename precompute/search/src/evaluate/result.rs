@@ -10,6 +10,9 @@ use crate::quantile::quantile;
 
 /// Relative change of the best settings' mean power from which drift is reported.
 const NOTABLE_DRIFT: f64 = 0.05;
+/// Relative difference of a rendered run's mean power from the simulated one's that is reported. Transitions
+/// alone make some per cent.
+const NOTABLE_DIFFERENCE: f64 = 0.1;
 /// What a window of the horizon may exceed a power budget by.
 const ALLOWED: f64 = 1.02;
 /// Mean error between two runs at the same settings from which noise is reported. Half the smallest
@@ -145,6 +148,12 @@ impl EvaluationResult {
             recorded_mean_error: mean_error(simulated),
         });
         self.drift = drift;
+        let [rendered, recorded] = [real, simulated].map(|run| mean_power(run).0);
+        let off = rendered / recorded - 1.0;
+        if off.abs() > NOTABLE_DIFFERENCE {
+            let (percent, more) = (100.0 * off.abs(), if off > 0.0 { "more" } else { "less" });
+            self.warnings.push(format!("rendered, the run took {percent:.0} % {more} power than the record says: its watts do not hold in play; stop other programs, or use `--meter work`"));
+        }
         if drift.relative.abs() > NOTABLE_DRIFT {
             let percent = 100.0 * drift.relative;
             self.warnings.push(format!("the same settings took {percent:+.1}% power at the end: smaller differences between runs are the machine's drift"));
