@@ -40,12 +40,7 @@ impl Stage {
     /// Makes the next frame a camera cut.
     fn cut(&mut self) {
         self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
-        self.number_frames();
-    }
-
-    /// Gives the next frame the same number each time: effects that draw random numbers by it then draw
-    /// the same in every clip and run.
-    pub(super) fn number_frames(&mut self) {
+        // Effects that draw random numbers by the frame's number draw the same in every clip and run.
         self.app.world_mut().insert_resource(FrameCount(FIRST_FRAME));
     }
 

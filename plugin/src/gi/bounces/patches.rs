@@ -16,7 +16,7 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
 use super::choice::{Candidate, Patch, choose, density, rank};
-use crate::cut::Jumps;
+use crate::cut::{CameraCut, Jumps};
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     MaterialSample, MeshChanges, Reflectance, SurfaceAssets, SurfaceEvents, SurfaceInstance,
@@ -149,7 +149,14 @@ pub(super) fn update(
     mut events: SurfaceEvents,
     assets: SurfaceAssets,
     light: Res<LightPresence>,
-    cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
+    cameras: Query<(
+        Entity,
+        &Camera,
+        &FrugalGi,
+        &GlobalTransform,
+        Has<EnvironmentMapLight>,
+        Has<CameraCut>,
+    )>,
     meshes: Query<SurfaceMesh, (Without<SkinnedMesh>, Without<NotShadowCaster>)>,
     gi_cameras: GiCameras,
     (changes, jumps): (Res<MeshChanges>, Res<Jumps>),
@@ -158,11 +165,12 @@ pub(super) fn update(
     surfaces.cache.read(&mut events);
     let mut focuses: Vec<PatchFocus> = cameras
         .iter()
-        .filter(|(_, camera, gi, _, has_map)| {
+        .filter(|(_, camera, gi, _, has_map, _)| {
             camera.is_active && gi.reflects() && light.lights(gi, *has_map)
         })
-        .map(|(entity, _, gi, transform, _)| {
-            let before = before.iter().find(|focus| focus.camera == entity);
+        .map(|(entity, _, gi, transform, _, is_cut)| {
+            // What comes after a cut does not depend on what was before.
+            let before = before.iter().find(|focus| focus.camera == entity && !is_cut);
             let shift = jumps.shifts.get(&entity).copied().unwrap_or_default();
             let before =
                 before.map(|before| PatchFocus { center: before.center + shift, ..*before });

@@ -10,7 +10,11 @@ use super::super::gi::{corner, sun};
 use super::super::refresh::{converges_in_one_frame, turn_the_sun};
 use super::{RAYS, with_bounces};
 
-tests!(patches_rest_when_nothing_changes, changes_are_reflected_in_the_next_frame,);
+tests!(
+    patches_rest_when_nothing_changes,
+    changes_are_reflected_in_the_next_frame,
+    what_follows_a_cut_depends_on_nothing_before,
+);
 
 /// A corner under the sun with three bounces, after it has converged.
 fn at_rest() -> Stage {
@@ -74,4 +78,20 @@ fn changes_are_reflected_in_the_next_frame() {
     check(&mut stage, "finer maps");
     assert!(stage.world_mut().despawn(mesh));
     check(&mut stage, "a mesh that is removed");
+}
+
+fn what_follows_a_cut_depends_on_nothing_before() {
+    let there = (Vec3::new(1.6, 1.2, 1.6), Vec3::new(0.0, 0.5, -1.0));
+    let image = |before: Option<Vec3>| {
+        let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
+        with_bounces(&mut stage, 2);
+        for eye in before.into_iter().chain([there.0]) {
+            set::look(&mut stage, eye, there.1);
+            set::apply(&mut stage, RAYS);
+            (0..6).for_each(|_| stage.frame());
+        }
+        stage.radiance().expect("an image")
+    };
+    // So near that the patches of before would do.
+    assert!(image(Some(Vec3::new(0.2, 1.2, 1.6))) == image(None));
 }
