@@ -148,7 +148,7 @@ mod tests {
         };
         let cheaper: Vec<FrameRecord> = simulated
             .iter()
-            .map(|frame| FrameRecord { power: frame.power * 0.7, ..frame.clone() })
+            .map(|frame| FrameRecord { power: frame.power * 0.7, ..*frame })
             .collect();
         assert_eq!(differs(&result), 0);
         let mut other = result.clone();

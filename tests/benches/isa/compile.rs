@@ -11,11 +11,11 @@ use crate::module::ComputeModule;
 
 /// What a driver says of a shader, in the order of [`Self::NAMES`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Statistics(pub [u64; Self::NAMES.len()]);
+pub(crate) struct Statistics(pub(crate) [u64; Self::NAMES.len()]);
 
 impl Statistics {
     /// Mesa's names, and the headers of their columns. First what is compared first.
-    pub const NAMES: [(&str, &str); 7] = [
+    pub(crate) const NAMES: [(&str, &str); 7] = [
         ("VGPRs", "VGPRs"),
         ("Spilled VGPRs", "spilled"),
         ("LDS size", "shared bytes"),
@@ -26,7 +26,7 @@ impl Statistics {
     ];
 
     /// Reads a row as [`all`] writes it: the shader's name, then the numbers.
-    pub fn parse(row: &str) -> Option<(String, Self)> {
+    pub(crate) fn parse(row: &str) -> Option<(String, Self)> {
         let mut cells = row.split(' ');
         let name = cells.next()?.to_owned();
         let numbers: Vec<u64> = cells.map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
@@ -35,7 +35,7 @@ impl Statistics {
 }
 
 /// The driver, then a row for each module.
-pub fn all(modules: &[ComputeModule]) -> Vec<String> {
+pub(crate) fn all(modules: &[ComputeModule]) -> Vec<String> {
     // SAFETY: every object is created here and used by this thread alone. The process ends after this, and with it all of them.
     unsafe { compile(modules) }.unwrap_or_else(|error| panic!("the driver: {error}"))
 }

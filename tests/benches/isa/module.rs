@@ -10,16 +10,16 @@ use rspirv::dr::{Instruction, Loader, Module, Operand};
 use rspirv::spirv::{Decoration, ExecutionModel, Op, StorageClass};
 
 /// A module with one compute entry point.
-pub struct ComputeModule {
-    pub entry_point: String,
-    pub words: Vec<u32>,
+pub(crate) struct ComputeModule {
+    pub(crate) entry_point: String,
+    pub(crate) words: Vec<u32>,
     /// By descriptor set and binding.
-    pub bindings: BTreeMap<(u32, u32), DescriptorType>,
+    pub(crate) bindings: BTreeMap<(u32, u32), DescriptorType>,
 }
 
 impl ComputeModule {
     /// Reads a file. `None` if it holds another kind of shader.
-    pub fn read(file: &Path) -> Option<Self> {
+    pub(crate) fn read(file: &Path) -> Option<Self> {
         let bytes = fs::read(file).ok()?;
         let words: Vec<u32> = bytes
             .chunks_exact(4)
