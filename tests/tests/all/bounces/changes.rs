@@ -81,7 +81,7 @@ fn changes_are_reflected_in_the_next_frame() {
 }
 
 fn what_follows_a_cut_depends_on_nothing_before() {
-    let there = (Vec3::new(1.6, 1.2, 1.6), Vec3::new(0.0, 0.5, -1.0));
+    let there = (Vec3::new(0.6, 1.2, 1.6), Vec3::new(0.0, 0.5, -1.0));
     let image = |before: Option<Vec3>| {
         let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
         with_bounces(&mut stage, 2);
