@@ -36,16 +36,12 @@ pub(crate) fn is_work_meter(name: &str) -> Option<Option<&str>> {
 
 /// The meter of a map's file: a file of prices where the command runs, or else beside the map.
 pub(crate) fn of_map(name: &str, map: &Path) -> String {
-    match is_work_meter(name) {
-        Some(Some(file)) if !Path::new(file).exists() => {
-            let beside = map.with_file_name(file);
-            if beside.exists() {
-                return format!("{WORK_METER}={}", beside.display());
-            }
-        }
-        _ => {}
-    }
-    name.to_owned()
+    let beside = is_work_meter(name)
+        .flatten()
+        .filter(|file| !Path::new(file).exists())
+        .map(|file| map.with_file_name(file))
+        .filter(|beside| beside.exists());
+    beside.map_or_else(|| name.to_owned(), |file| format!("{WORK_METER}={}", file.display()))
 }
 
 impl WorkMeter {

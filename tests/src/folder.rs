@@ -1,6 +1,6 @@
 //! Where the tests' files are.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The folder of this package.
 ///
@@ -14,4 +14,22 @@ pub fn package() -> PathBuf {
 /// The folder of the workspace.
 pub fn workspace() -> PathBuf {
     package().join("..")
+}
+
+/// The files with an extension in a folder and those under it, sorted within each.
+///
+/// # Errors
+/// When a folder cannot be read.
+pub fn files(folder: &Path, extension: &str) -> std::io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            files.extend(self::files(&path, extension)?);
+        } else if path.extension().is_some_and(|found| found == extension) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
 }

@@ -1,7 +1,9 @@
 //! Which folder of a crate imports which, read from its sources.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::folder;
 
 /// Imports between the parts of a crate: by importing and imported part, the files that do it.
 pub type Imports = BTreeMap<(String, String), BTreeSet<String>>;
@@ -13,7 +15,7 @@ pub type Imports = BTreeMap<(String, String), BTreeSet<String>>;
 /// When a folder or a file cannot be read.
 pub fn imports(root: &Path, split: &[&str]) -> std::io::Result<Imports> {
     let mut found = Imports::new();
-    for file in sources(root)? {
+    for file in folder::files(root, "rs")? {
         let relative = file.strip_prefix(root).unwrap_or(&file).with_extension("");
         let mut module: Vec<String> =
             relative.iter().map(|part| part.to_string_lossy().into_owned()).collect();
@@ -33,20 +35,6 @@ pub fn imports(root: &Path, split: &[&str]) -> std::io::Result<Imports> {
         }
     }
     Ok(found)
-}
-
-fn sources(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            files.extend(sources(&path)?);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
 }
 
 /// The part that a module belongs to; none for the crate's root and for items of it.

@@ -12,9 +12,6 @@ use crate::units::Watts;
 /// Unmetered frames at the start of a clip: the first creates textures and pipelines.
 const UNMETERED_FRAMES: usize = 1;
 
-/// Clips that are rendered again because a pipeline was compiled meanwhile, at most.
-const MOST_TRIES: usize = 8;
-
 /// What settings cost at a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
@@ -58,7 +55,7 @@ impl StageEvaluator {
             self.stage.apply(best);
             if let Some(first) = clip.first() {
                 // Some per-camera resources of the scene lag the camera by a frame.
-                self.show(std::slice::from_ref(first));
+                show(&mut self.stage, std::slice::from_ref(first));
             }
             let (_, shown) = self.play(clip, best)?;
             self.reference = Some((clip.to_vec(), Reference::new(&shown)?));
@@ -70,50 +67,41 @@ impl StageEvaluator {
         Ok(Measurement { power, error: reference.error(&shown)? })
     }
 
-    fn show(&mut self, poses: &[CameraPose]) {
-        for pose in poses {
-            self.stage.place(pose.position, pose.rotation);
-            self.stage.frame();
-        }
-    }
-
-    /// Power over the clip, and its last image. The clip is rendered anew where a pipeline was
-    /// compiled meanwhile: a frame lacked it.
+    /// Power over the clip, and its last image.
     fn play(
         &mut self,
         clip: &[CameraPose],
         settings: KnobLevels,
     ) -> Result<(Option<Watts>, Picture), StageError> {
-        for _ in 0..MOST_TRIES {
-            self.stage.is_incomplete = false;
-            self.stage.apply(settings);
-            let played = self.play_once(clip)?;
-            if !self.stage.is_incomplete {
-                return Ok(played);
-            }
-            self.stage.finish_pipelines()?;
-        }
-        Err(StageError::NotReady(format!(
-            "it compiled pipelines in each of {MOST_TRIES} renderings of the same frames"
-        )))
+        self.stage.complete(settings, |stage| play_once(stage, clip))
     }
+}
 
-    fn play_once(&mut self, clip: &[CameraPose]) -> Result<(Option<Watts>, Picture), StageError> {
-        let (first, rest) = clip.split_at(UNMETERED_FRAMES.min(clip.len()));
-        self.show(first);
-        let window = self.stage.meter.as_ref().map_or(0.0, Meter::window_seconds);
-        if clip.first() != clip.last() && window >= SHORT_WINDOW {
-            // The meter's window is longer than the clip. The image is that of the clip; then the
-            // camera goes to and fro, since one at rest costs less.
-            self.show(rest);
-            let shown = self.stage.picture()?;
-            let pose = |frame| to_and_fro(clip, frame).map(|pose| (pose.position, pose.rotation));
-            return Ok((self.stage.metered(pose, clip.len() as u32)?, shown));
-        }
-        let pose = |frame: usize| rest.get(frame).map(|pose| (pose.position, pose.rotation));
-        let power = self.stage.metered(pose, rest.len() as u32)?;
-        Ok((power, self.stage.picture()?))
+fn show(stage: &mut Stage, poses: &[CameraPose]) {
+    for pose in poses {
+        stage.place(pose.position, pose.rotation);
+        stage.frame();
     }
+}
+
+fn play_once(
+    stage: &mut Stage,
+    clip: &[CameraPose],
+) -> Result<(Option<Watts>, Picture), StageError> {
+    let (first, rest) = clip.split_at(UNMETERED_FRAMES.min(clip.len()));
+    show(stage, first);
+    let window = stage.meter.as_ref().map_or(0.0, Meter::window_seconds);
+    if clip.first() != clip.last() && window >= SHORT_WINDOW {
+        // The meter's window is longer than the clip. The image is that of the clip; then the
+        // camera goes to and fro, since one at rest costs less.
+        show(stage, rest);
+        let shown = stage.picture()?;
+        let pose = |frame| to_and_fro(clip, frame).map(|pose| (pose.position, pose.rotation));
+        return Ok((stage.metered(pose, clip.len() as u32)?, shown));
+    }
+    let pose = |frame: usize| rest.get(frame).map(|pose| (pose.position, pose.rotation));
+    let power = stage.metered(pose, rest.len() as u32)?;
+    Ok((power, stage.picture()?))
 }
 
 /// The pose `frame` frames after the end of `clip`, of a camera that goes back to its beginning,

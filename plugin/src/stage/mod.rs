@@ -187,16 +187,10 @@ impl Stage {
     /// When the renderer does not become ready.
     pub fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), StageError> {
         self.place(pose.position, pose.rotation);
-        loop {
-            self.is_incomplete = false;
-            self.apply(settings);
-            (0..FRAMES_BEFORE_RUN).for_each(|_| self.frame());
-            if !self.is_incomplete {
-                return Ok(());
-            }
-            // Pipelines take some frames or none, of which samples and light keep traces: then anew.
-            self.finish_pipelines()?;
-        }
+        self.complete(settings, |stage| {
+            (0..FRAMES_BEFORE_RUN).for_each(|_| stage.frame());
+            Ok(())
+        })
     }
 
     /// Renders and meters the next frame of a run, including the cost of a switch of settings, which

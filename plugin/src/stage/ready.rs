@@ -9,6 +9,7 @@ use bevy::shader::ShaderCacheError;
 
 use super::{Stage, StageError};
 use crate::gi::{GiCounts, GiOccluders, GiTextureCopies};
+use crate::knobs::KnobLevels;
 
 /// Greatest number of frames to wait for temporal accumulation.
 const MAX_ACCUMULATION_FRAMES: u32 = 70;
@@ -16,6 +17,8 @@ const MAX_ACCUMULATION_FRAMES: u32 = 70;
 /// and drivers may take seconds for a pipeline.
 const MAX_FRAMES: u32 = 600;
 const MAX_TIME: Duration = Duration::from_secs(120);
+/// Renderings from a cut that are repeated because a pipeline was compiled meanwhile, at most.
+const MOST_TRIES: usize = 8;
 /// Loading and compiling run in other threads; frames of small images would leave them no time.
 const YIELD: Duration = Duration::from_millis(5);
 
@@ -67,6 +70,30 @@ impl Stage {
             }
         }
         Ok(())
+    }
+
+    /// What `render` returns after a cut to `settings`, and anew where a pipeline was compiled meanwhile:
+    /// frames lacked it, of which samples and light keep traces.
+    ///
+    /// # Errors
+    /// Those of `render`; as [`get_ready`](Self::get_ready); or when it never ends.
+    pub(super) fn complete<T>(
+        &mut self,
+        settings: KnobLevels,
+        mut render: impl FnMut(&mut Self) -> Result<T, StageError>,
+    ) -> Result<T, StageError> {
+        for _ in 0..MOST_TRIES {
+            self.is_incomplete = false;
+            self.apply(settings);
+            let rendered = render(self)?;
+            if !self.is_incomplete {
+                return Ok(rendered);
+            }
+            self.finish_pipelines()?;
+        }
+        Err(StageError::NotReady(format!(
+            "it compiled pipelines in each of {MOST_TRIES} renderings of the same frames"
+        )))
     }
 
     /// Fails if a shader does not compile, or the app has ended.

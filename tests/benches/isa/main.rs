@@ -15,7 +15,7 @@ mod module;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::{env, fs, io};
+use std::{env, fs};
 
 use bevy::material::OpaqueRendererMethod;
 use bevy::math::Vec3;
@@ -70,28 +70,23 @@ fn render() {
 }
 
 /// The plugin's entry points, as its sources name them.
-fn entry_points(folder: &Path, found: &mut BTreeSet<String>) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            entry_points(&path, found)?;
-        } else if path.extension().is_some_and(|extension| extension == "wgsl") {
-            let text = fs::read_to_string(&path)?;
-            let names = text.split("@compute").skip(1).filter_map(|shader| {
-                let (_, function) = shader.split_once("fn ")?;
-                function.split_once('(').map(|(name, _)| name.to_owned())
-            });
-            found.extend(names);
-        }
-    }
-    Ok(())
+fn entry_points() -> BTreeSet<String> {
+    let files = folder::files(&folder::workspace().join("plugin/src"), "wgsl");
+    let name = |shader: &str| {
+        let (_, function) = shader.split_once("fn ")?;
+        function.split_once('(').map(|(name, _)| name.to_owned())
+    };
+    files
+        .expect("the plugin's sources")
+        .iter()
+        .map(|file| fs::read_to_string(file).expect("a shader"))
+        .flat_map(|text| text.split("@compute").skip(1).filter_map(name).collect::<Vec<_>>())
+        .collect()
 }
 
 /// The compute modules of the plugin in a folder of dumps; those of Bevy and of tests are left out.
 fn modules(folder: &Path) -> Vec<ComputeModule> {
-    let mut known = BTreeSet::new();
-    entry_points(&folder::workspace().join("plugin/src"), &mut known)
-        .expect("the plugin's sources");
+    let known = entry_points();
     let files = fs::read_dir(folder).expect("the folder of the dumps");
     let mut modules: Vec<ComputeModule> = files
         .filter_map(|file| ComputeModule::read(&file.expect("a file").path()))
@@ -135,9 +130,7 @@ fn report(families: &[&str]) {
         .status()
         .expect("a child that renders");
     assert!(status.success(), "rendering failed: {status}");
-    let mut missing = BTreeSet::new();
-    entry_points(&folder::workspace().join("plugin/src"), &mut missing)
-        .expect("the plugin's sources");
+    let mut missing = entry_points();
 
     let radeon = manifest("radeon_icd");
     for family in families {

@@ -20,7 +20,7 @@ pub(crate) struct ComputeModule {
 impl ComputeModule {
     /// Reads a file. `None` if it holds another kind of shader.
     pub(crate) fn read(file: &Path) -> Option<Self> {
-        let bytes = fs::read(file).ok()?;
+        let bytes = fs::read(file).unwrap_or_else(|error| panic!("{file:?}: {error}"));
         let words: Vec<u32> = bytes
             .chunks_exact(4)
             .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))

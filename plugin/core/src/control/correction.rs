@@ -12,16 +12,13 @@
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
 
-use super::delay::DelayFinder;
+use super::delay::{DelayFinder, MEAN_SECONDS};
 use super::history::{MAX_WATTS, PredictionHistory};
 use crate::units::Watts;
 
 /// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
 /// lower values follow slow drift, such as a device that warms up, sooner.
 const FORGETTING_SECONDS: f64 = 4.0;
-/// Time constant of the correction of a mean, seconds. Higher values follow a device that warms up
-/// later; lower values mistake a view's error for the device's, and swing where a meter is late.
-const MEAN_SECONDS: f64 = 240.0;
 /// Standard deviation of a reading, as a share of it.
 const NOISE: f64 = 0.03;
 /// Standard deviation of a map's power at one address, as a share of it. All readings at an address

@@ -18,8 +18,10 @@ const MAX_INTERVAL: usize = 20;
 const MAX_CHANGE: f64 = 0.03;
 /// Seconds of predictions that are kept.
 const KEPT: usize = MAX_DELAY + 2 * MAX_INTERVAL;
-/// Time constant with which readings are forgotten, seconds.
-const FORGETTING_SECONDS: f64 = 240.0;
+/// Time constant of the correction of a mean, and of what is known of delays, seconds. Higher values follow
+/// a device that warms up later; lower values mistake a view's error for the device's, and swing where a
+/// meter is late.
+pub(super) const MEAN_SECONDS: f64 = 240.0;
 /// Seconds of change, all alike, that a delay needs before it is believed: a few steps, of which each
 /// spans three. One step of a device and one of its settings lie at some delay by chance.
 const LEAST_CHANGES: f64 = 8.0;
@@ -176,7 +178,7 @@ impl DelayFinder {
         }
         let span = ended.max(CHANGE_SECONDS);
         let seconds = ended as f64;
-        let kept = (-seconds / FORGETTING_SECONDS).exp();
+        let kept = (-seconds / MEAN_SECONDS).exp();
         let Some(metered) = self.metered.mean(ended, 0) else { return };
         let prompt = self.predicted.change(span, 0).zip(self.metered.change(span, 0));
         for (delay, candidate) in self.candidates.iter_mut().enumerate().skip(1) {
