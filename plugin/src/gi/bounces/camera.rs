@@ -10,9 +10,10 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
+use super::choice::PATCHES;
 use super::choice::Patch;
 use super::kernels::{BounceKernels, ReflectKind};
-use super::patches::{GiPatches, PATCHES};
+use super::patches::GiPatches;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};

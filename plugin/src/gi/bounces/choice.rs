@@ -15,6 +15,10 @@ use bytemuck::{Pod, Zeroable};
 use crate::gi::surfaces::MaterialSample;
 use crate::gi::texels::pack_normal;
 
+/// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
+/// patch.
+pub(super) const PATCHES: usize = 2048;
+
 /// A piece of surface that reflects incident light: `bounces/patch.wgsl`'s `Patch`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]

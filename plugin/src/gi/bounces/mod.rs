@@ -9,14 +9,18 @@
 //! | file | world | job |
 //! |---|---|---|
 //! | `choice` | none | a patch as the GPU reads it; selects the points that become patches |
-//! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
+//! | `focus` | none | where a camera's patches are dense |
+//! | `points` | main | points on all surfaces, more on those that matter |
+//! | `patches` | main | keeps every camera's patches: some of these points, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
 //! | `pick.wgsl`, `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
 
 mod camera;
 mod choice;
+mod focus;
 mod kernels;
 mod patches;
+mod points;
 
 use std::sync::atomic::Ordering;
 
@@ -44,10 +48,10 @@ use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(super) use camera::BOUNCE_VPLS;
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
+use choice::PATCHES;
 pub(super) use choice::Patch;
 use kernels::BounceKernels;
 pub use patches::GiPatches;
-use patches::PATCHES;
 
 /// Patches of a workgroup of `reflect.wgsl`.
 pub(in crate::gi) const PATCHES_PER_GROUP: usize = 8;

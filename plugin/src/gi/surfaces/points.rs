@@ -89,14 +89,6 @@ impl<S> SurfacePoints<S> {
         sort_by_position(&mut points);
         Some(Self { points, area: total / count as f64 })
     }
-
-    /// Keeps every `step`-th point (`step` ≥ 1), each for the area of `step`. Neighbours in the
-    /// list are neighbours in space, so the rest is evenly distributed, too.
-    pub(crate) fn thin(&mut self, step: usize) {
-        self.points =
-            std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
-        self.area *= step as f64;
-    }
 }
 
 /// Normal × area, m².

@@ -92,6 +92,10 @@ fn what_follows_a_cut_depends_on_nothing_before() {
         }
         stage.radiance().expect("an image")
     };
+    let alone = image(None);
     // So near that the patches of before would do.
-    assert!(image(Some(Vec3::new(0.2, 1.2, 1.6))) == image(None));
+    assert!(image(Some(Vec3::new(0.2, 1.2, 1.6))) == alone);
+    // So close to the floor, and then so far, that surfaces keep other numbers of points.
+    assert!(image(Some(Vec3::new(0.5, 0.05, -0.5))) == alone);
+    assert!(image(Some(Vec3::new(0.5, 60.0, 60.0))) == alone);
 }
