@@ -31,10 +31,10 @@ impl Point {
     /// 32-bit words of a texel in a buffer.
     pub const TEXEL_WORDS: usize = 8;
 
-    /// Buffer layout of a virtual point light.
+    /// Buffer layout of a virtual point light that seems visible everywhere.
     pub fn to_vpl(self) -> [f32; Self::VPL_WORDS] {
         let ([px, py, pz], [nx, ny, nz], [r, g, b]) = (self.position, self.normal, self.flux);
-        [px, py, pz, self.extent, nx, ny, nz, 0.0, r, g, b, 0.0]
+        [px, py, pz, self.extent, nx, ny, nz, 0.0, r, g, b, 1.0]
     }
 
     /// Buffer layout of a texel: its normal in octahedral coordinates of 16 bits each.

@@ -35,6 +35,7 @@ mod refresh;
 mod resolution;
 mod sampling;
 mod shaders;
+mod skylight;
 mod stability;
 mod viewports;
 mod visibility;
@@ -88,6 +89,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("resolution", resolution::TESTS, true),
     ("sampling", sampling::TESTS, true),
     ("shaders", shaders::TESTS, false),
+    ("skylight", skylight::TESTS, true),
     ("stability", stability::TESTS, true),
     ("viewports", viewports::TESTS, true),
     ("visibility", visibility::TESTS, true),

@@ -2,8 +2,8 @@
 // samples.
 //
 // With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
-// rays: one VPL is sampled per stratum by luminance, and one ray accepts or rejects the stratum's
-// sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but speckle
+// rays: one VPL is sampled per stratum by luminance and the guess of its visibility, and one ray accepts
+// or rejects the stratum's sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but speckle
 // every wall in the colours of its lights.
 #define_import_path bevy_frugal_gi::gi::gather::irradiance
 
@@ -49,15 +49,15 @@ fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f
     for (var which = 0u; which < #{RAYS}u; which++) {
         var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));
         for (var i = first + which; i < end_of_set; i += #{RAYS}u) {
-            stratum = update_stratum(stratum, i, from_vpl(vpls[i], position, normal));
+            stratum = update_stratum(stratum, i, from_vpl(vpls[i], position, normal) * vpls[i].visibility);
         }
         all += stratum.total;
         if stratum.total > 0.0 {
             let vpl = vpls[stratum.sampled];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
             if !is_occluded(origin, end) {
-                sum += stratum.sent;
-                sum_sampled += vpl.flux * (stratum.total / max(weight_of(vpl.flux), 1e-35));
+                sum += stratum.sent / vpl.visibility;
+                sum_sampled += vpl.flux * (stratum.total / max(weight_of(vpl.flux) * vpl.visibility, 1e-35));
                 free += stratum.total;
             }
         }

@@ -54,7 +54,7 @@ impl FromWorld for VplKernels {
             BindGroupLayoutEntries::sequential(compute, (view, read(), read(), read(), write()));
         let sampling = BindGroupLayoutEntries::sequential(
             compute,
-            (read(), read(), write(), write(), write(), read()),
+            (read(), read(), write(), write(), write(), read(), read(), read()),
         );
         let (weigh, sample) =
             (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
@@ -63,10 +63,8 @@ impl FromWorld for VplKernels {
         let weigh =
             |entry_point| Kernel::new("frugal_gi/vpl/weigh", entry_point, &weigh, &weighing);
         let variants = || [false, true].map(weigh_variant);
-        let sample = |entry_point| {
-            Kernel::new("frugal_gi/vpl/sample", entry_point, &sample, &sampling)
-                .queued(cache, [vec![]])
-        };
+        let sample =
+            |entry_point| Kernel::new("frugal_gi/vpl/sample", entry_point, &sample, &sampling);
         Self {
             pick_importance_points: weigh("pick_importance_points").queued(cache, [vec![]]),
             find_defensive_term: weigh("find_defensive_term").queued(cache, variants()),
@@ -74,9 +72,9 @@ impl FromWorld for VplKernels {
             trace_tiles: Kernel::new("frugal_gi/vpl/tiles", "trace_tiles", &tiles, &tracing)
                 .with_group(OccluderBuffers::layout())
                 .queued(cache, [tile_variant()]),
-            accumulate_rows: sample("accumulate_rows"),
-            accumulate_maps: sample("accumulate_maps"),
-            sample: sample("sample_vpls"),
+            accumulate_rows: sample("accumulate_rows").queued(cache, [vec![]]),
+            accumulate_maps: sample("accumulate_maps").queued(cache, [vec![]]),
+            sample: sample("sample_vpls").queued(cache, variants()),
         }
     }
 }
@@ -143,6 +141,8 @@ impl VplKernels {
             buffers.row_cdf.as_entire_binding(),
             vpls.as_entire_binding(),
             plan.0.as_entire_binding(),
+            importance.as_entire_binding(),
+            buffers.occluded_tiles.as_entire_binding(),
         ));
         let variant = weigh_variant(is_traced);
         Some(SamplingPasses {
@@ -151,7 +151,7 @@ impl VplKernels {
             weigh_texels: self.weigh_texels.get(cache, &variant)?,
             accumulate_rows: self.accumulate_rows.get(cache, &[])?,
             accumulate_maps: self.accumulate_maps.get(cache, &[])?,
-            sample: self.sample.get(cache, &[])?,
+            sample: self.sample.get(cache, &variant)?,
             tracing: self.trace_tiles.bind(context, cache, &tracing),
             weighing: self.weigh_texels.bind(context, cache, &weighing),
             sampling: self.sample.bind(context, cache, &sampling),

@@ -13,6 +13,10 @@
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::texels::rows::Row
 #import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl}
+#ifdef TILE_VISIBILITY
+#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
+#import bevy_frugal_gi::gi::texels::rows::TILE
+#endif
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
@@ -21,6 +25,10 @@
 @group(0) @binding(3) var<storage, read_write> row_cdf: array<f32>;
 @group(0) @binding(4) var<storage, read_write> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read> plan: Plan;
+#ifdef TILE_VISIBILITY
+@group(0) @binding(6) var<storage, read> importance: ImportancePoints;
+@group(0) @binding(7) var<storage, read> occluded_tiles: array<u32>;
+#endif
 
 /// Replaces the weights of each row by their cumulative sums, and writes the row's sum to
 /// `row_cdf`; one thread per row.
@@ -95,6 +103,24 @@ fn find_texel(first: u32, length: u32, threshold: f32) -> u32 {
     return low;
 }
 
+#ifdef TILE_VISIBILITY
+/// Least guess: where it is wrong, one ray brings up to so many times its share.
+const LEAST_VISIBILITY: f32 = 0.05;
+
+/// Share of a texel's importance to points that see its tile.
+fn visibility_of(tile: u32, position: vec3<f32>, normal: vec3<f32>) -> f32 {
+    let occluded = occluded_tiles[tile];
+    var all = 0.0;
+    var seen = 0.0;
+    for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
+        let own = importance_of(importance.points[i], position, normal);
+        all += own;
+        seen += select(own, 0.0, (occluded & (1u << i)) != 0u);
+    }
+    return select(1.0, clamp(seen / all, LEAST_VISIBILITY, 1.0), all > 1e-30);
+}
+#endif
+
 /// m², with which the irradiance from a thousand VPLs stays finite at any distance.
 const MIN_RADIUS_SQUARED: f32 = 1e-10;
 
@@ -130,5 +156,9 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
     vpl.largest_geometry_term = 1.0 / clamp(disk, MIN_RADIUS_SQUARED, 1e18);
     vpl.flux = select(vec3(0.0), min(texel.flux * (row.share * share), vec3(MAX_FLUX)), carries);
+    vpl.visibility = 1.0;
+#ifdef TILE_VISIBILITY
+    vpl.visibility = visibility_of(row.first_tile + (index - row.first_weight) / TILE, vpl.position, vpl.normal);
+#endif
     vpls[id.x] = vpl;
 }

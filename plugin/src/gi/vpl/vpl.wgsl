@@ -13,7 +13,9 @@ struct Vpl {
     /// Reflected flux, lumens. Intensity along a direction at θ from the normal is flux · cosθ / π
     /// candela.
     flux: vec3<f32>,
-    padding: f32,
+    /// Share of its importance that tiles leave visible: 0.05 to 1, and 1 where no tile is traced. A guess,
+    /// by which rays choose among VPLs.
+    visibility: f32,
 }
 
 /// Lumens: with this bound, sums over all texels, and the irradiance from a thousand VPLs at any
