@@ -51,7 +51,7 @@ fn structs_have_the_sizes_that_buffers_assume() {
 }
 
 fn the_check_detects_a_larger_struct() {
-    let grown = SHADERS[1].replace("padding: f32,", "padding: f32,\n    more: f32,");
+    let grown = SHADERS[1].replace("visibility: f32,", "visibility: f32,\n    more: f32,");
     assert_eq!(size("Vpl", &[&grown]), 64);
 }
 
