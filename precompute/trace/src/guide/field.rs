@@ -28,7 +28,8 @@ impl Field {
             let count = partition(rest, |photon| face(photon.normal) == wanted);
             let (own, others) = std::mem::take(&mut rest).split_at_mut(count);
             rest = others;
-            Node::learn(own, most)
+            let striking = Sources::striking(own);
+            Node::learn(own, most, striking.as_ref())
         });
         Self { roots }
     }
@@ -49,8 +50,8 @@ impl Field {
 }
 
 impl Node {
-    /// Splits at the median position.
-    fn learn(photons: &mut [Photon], most: usize) -> Self {
+    /// Splits at the median position. All leaves aim a little at what is `striking`.
+    fn learn(photons: &mut [Photon], most: usize, striking: Option<&Sources>) -> Self {
         let (min, max) = photons
             .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max): (Vec3, Vec3), photon| {
@@ -66,12 +67,14 @@ impl Node {
             let count = partition(photons, |photon| photon.position[axis] < at);
             if count > 0 {
                 let (low, high) = photons.split_at_mut(count);
-                let (low, high) =
-                    rayon::join(|| Self::learn(low, most), || Self::learn(high, most));
+                let (low, high) = rayon::join(
+                    || Self::learn(low, most, striking),
+                    || Self::learn(high, most, striking),
+                );
                 return Self::Inner { axis, at, children: Box::new([low, high]) };
             }
         }
-        Self::Leaf(Sources::learn(photons))
+        Self::Leaf(Sources::learn(photons, striking))
     }
 }
 

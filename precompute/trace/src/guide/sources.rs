@@ -25,6 +25,12 @@ const LEAST_GUIDED: f64 = 0.05;
 const GREATEST_SHARE: f64 = 0.8;
 /// Standard errors by which a sphere must be brighter than what BSDF sampling expects.
 const MARGIN: f64 = 3.0;
+/// Parts of a sphere must cover this part of its power.
+const COVERED: f64 = 0.9;
+/// A striking sphere is so many times brighter than what BSDF sampling expects.
+const CONTRAST: f64 = 10.0;
+/// Part of a striking sphere's share that each place gives it, whatever its own photons show.
+const SHARED: f32 = 0.5;
 
 /// Light that arrived at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,22 +82,39 @@ struct Cone {
 impl Sources {
     /// Learns from the `photons` of one place, whose order it changes; `None` where they show no
     /// more than BSDF sampling finds by itself.
-    pub(crate) fn learn(photons: &mut [Photon]) -> Option<Self> {
+    ///
+    /// The few photons of a place may miss a small bright sphere that it sees, and paths that find
+    /// it by chance are then rare and bright. So a part of the samples aims at what is `striking`.
+    pub(crate) fn learn(photons: &mut [Photon], striking: Option<&Self>) -> Option<Self> {
+        let mut spheres = Self::spheres(photons, 1.0);
+        let shared = striking.iter().flat_map(|striking| &striking.spheres);
+        spheres.extend(shared.map(|sphere| Sphere { share: sphere.share * SHARED, ..*sphere }));
+        Self::new(spheres)
+    }
+
+    /// Small bright spheres alone, from the `photons` of all places of one orientation, whose order
+    /// it changes.
+    pub(crate) fn striking(photons: &mut [Photon]) -> Option<Self> {
+        Self::new(Self::spheres(photons, CONTRAST))
+    }
+
+    /// Spheres that are `contrast` times as bright as BSDF sampling expects.
+    fn spheres(photons: &mut [Photon], contrast: f64) -> Vec<Sphere> {
         let total: f64 = photons.iter().map(|photon| f64::from(photon.power)).sum();
         let (mut place, mut normal) = (DVec3::ZERO, DVec3::ZERO);
         for photon in photons.iter() {
             place += photon.position.as_dvec3() / photons.len() as f64;
             normal += photon.normal.as_dvec3();
         }
-        let mut cut = Cut { place, normal: normal.normalize_or_zero(), total, spheres: Vec::new() };
+        let normal = normal.normalize_or_zero();
+        let mut cut = Cut { place, normal, total, contrast, spheres: Vec::new() };
         cut.grow(photons, 0);
-        let mut spheres = cut.spheres;
-        spheres.sort_by(|a, b| b.share.total_cmp(&a.share));
-        spheres.truncate(MOST_SPHERES);
-        Self::new(spheres)
+        cut.spheres
     }
 
     fn new(mut spheres: Vec<Sphere>) -> Option<Self> {
+        spheres.sort_by(|a, b| b.share.total_cmp(&a.share));
+        spheres.truncate(MOST_SPHERES);
         let share: f64 = spheres.iter().map(|sphere| f64::from(sphere.share)).sum();
         if share > GREATEST_SHARE {
             spheres.iter_mut().for_each(|sphere| sphere.share *= (GREATEST_SHARE / share) as f32);
@@ -175,36 +198,42 @@ struct Cut {
     normal: DVec3,
     /// Power of all photons.
     total: f64,
+    /// Least brightness of a sphere, as a multiple of what BSDF sampling expects.
+    contrast: f64,
     spheres: Vec<Sphere>,
 }
 
 impl Cut {
-    /// Covers the sources of `photons` by one sphere or by those of both halves of their box,
+    /// Covers the sources of `photons` by one sphere or by those of two parts of them,
     /// whichever tells more about where light comes from. Returns how much: the divergence from
-    /// BSDF sampling (Kullback and Leibler 1951).
-    fn grow(&mut self, photons: &mut [Photon], depth: u32) -> f64 {
+    /// BSDF sampling (Kullback and Leibler 1951), and the power that its spheres cover.
+    ///
+    /// Parts must cover nearly all that one sphere does: paths that find the rest are rare and
+    /// bright.
+    fn grow(&mut self, photons: &mut [Photon], depth: u32) -> (f64, f64) {
         let (min, max) = bounds(photons);
         let own = self.sphere(photons, min, max);
-        let axis = (max - min).max_position();
-        let middle = 0.5 * (min[axis] + max[axis]);
         let first = self.spheres.len();
-        if photons.len() >= 2 * LEAST_PHOTONS && depth < GREATEST_DEPTH && min[axis] < max[axis] {
-            let count = partition(photons, |photon| photon.source[axis] < middle);
+        let splits = photons.len() >= 2 * LEAST_PHOTONS && depth < GREATEST_DEPTH;
+        if let Some(count) = if splits { split(photons) } else { None } {
             let (low, high) = photons.split_at_mut(count);
-            let parts = self.grow(low, depth + 1) + self.grow(high, depth + 1);
-            if parts > own.map_or(0.0, |(_, gain)| gain) {
+            let (low, high) = (self.grow(low, depth + 1), self.grow(high, depth + 1));
+            let parts = (low.0 + high.0, low.1 + high.1);
+            let better =
+                |(_, gain, power): (Sphere, f64, f64)| parts.0 > gain && parts.1 > COVERED * power;
+            if own.is_none_or(better) {
                 return parts;
             }
         }
         self.spheres.truncate(first);
-        let Some((sphere, gain)) = own else { return 0.0 };
+        let Some((sphere, gain, power)) = own else { return (0.0, 0.0) };
         self.spheres.push(sphere);
-        gain
+        (gain, power)
     }
 
     /// A sphere around the sources of `photons`, which lie between `min` and `max`, and what it
-    /// tells; `None` where it is not brighter than what BSDF sampling expects.
-    fn sphere(&self, photons: &[Photon], min: Vec3, max: Vec3) -> Option<(Sphere, f64)> {
+    /// tells and covers; `None` where it is not brighter than what BSDF sampling expects.
+    fn sphere(&self, photons: &[Photon], min: Vec3, max: Vec3) -> Option<(Sphere, f64, f64)> {
         if photons.len() < LEAST_PHOTONS {
             return None;
         }
@@ -222,11 +251,37 @@ impl Cut {
         let expected = 2.0 * (1.0 - cone.least_cosine) * cone.axis.dot(self.normal).max(0.05);
         let certain = 1.0 - MARGIN * squares.sqrt() / sum;
         let share = sum / self.total * certain;
-        (share > expected && share - expected >= LEAST_SHARE).then(|| {
+        (share > self.contrast * expected && share - expected >= LEAST_SHARE).then(|| {
             let sphere = Sphere { center, radius, share: (share - expected) as f32 };
-            (sphere, share * (share / expected).ln())
+            (sphere, share * (share / expected).ln(), sum)
         })
     }
+}
+
+/// Sorts `photons` so that the first ones and the others are each as close together as can be, and
+/// returns how many come first: least sum of power × length, as a part of the whole, over the three
+/// axes. Small bright sources stay whole. `None` where all sources are one point.
+fn split(photons: &mut [Photon]) -> Option<usize> {
+    let total: f64 = photons.iter().map(|photon| f64::from(photon.power)).sum();
+    let mut best = (1.0, 0, 0);
+    for axis in 0..3 {
+        photons.sort_unstable_by(|a, b| a.source[axis].total_cmp(&b.source[axis]));
+        let at = |i: usize| f64::from(photons[i].source[axis]);
+        let (first, last) = (at(0), at(photons.len() - 1));
+        let mut low = 0.0;
+        for i in 1..photons.len() {
+            low += f64::from(photons[i - 1].power);
+            let cost = low * (at(i - 1) - first) + (total - low) * (last - at(i));
+            // This form also rejects NaN.
+            let cost = cost / (total * (last - first));
+            if at(i - 1) < at(i) && cost < best.0 {
+                best = (cost, axis, i);
+            }
+        }
+    }
+    let (_, axis, count) = best;
+    photons.sort_unstable_by(|a, b| a.source[axis].total_cmp(&b.source[axis]));
+    (count > 0).then_some(count)
 }
 
 fn bounds(photons: &[Photon]) -> (Vec3, Vec3) {
