@@ -2,7 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::sources::{Photon, Sources, partition};
+use super::sources::{Sources, partition};
+use super::sphere::Photon;
 
 /// A leaf has at most this many photons times the square root of the number of all.
 const LEAF_PHOTONS: f64 = 2.0;
