@@ -2,7 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::sources::{Photon, Sources, partition};
+use super::sources::{Sources, partition};
+use super::sphere::Photon;
 
 /// A leaf has at most this many photons times the square root of the number of all.
 const LEAF_PHOTONS: f64 = 2.0;
@@ -28,7 +29,8 @@ impl Field {
             let count = partition(rest, |photon| face(photon.normal) == wanted);
             let (own, others) = std::mem::take(&mut rest).split_at_mut(count);
             rest = others;
-            Node::learn(own, most)
+            let striking = Sources::striking(own);
+            Node::learn(own, most, striking.as_ref())
         });
         Self { roots }
     }
@@ -49,8 +51,8 @@ impl Field {
 }
 
 impl Node {
-    /// Splits at the median position.
-    fn learn(photons: &mut [Photon], most: usize) -> Self {
+    /// Splits at the median position. All leaves aim a little at what is `striking`.
+    fn learn(photons: &mut [Photon], most: usize, striking: Option<&Sources>) -> Self {
         let (min, max) = photons
             .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max): (Vec3, Vec3), photon| {
@@ -66,12 +68,14 @@ impl Node {
             let count = partition(photons, |photon| photon.position[axis] < at);
             if count > 0 {
                 let (low, high) = photons.split_at_mut(count);
-                let (low, high) =
-                    rayon::join(|| Self::learn(low, most), || Self::learn(high, most));
+                let (low, high) = rayon::join(
+                    || Self::learn(low, most, striking),
+                    || Self::learn(high, most, striking),
+                );
                 return Self::Inner { axis, at, children: Box::new([low, high]) };
             }
         }
-        Self::Leaf(Sources::learn(photons))
+        Self::Leaf(Sources::learn(photons, striking))
     }
 }
 

@@ -139,6 +139,26 @@ fn patches_are_aimed_at_and_even_light_is_not() {
 }
 
 #[test]
+fn a_few_photons_aim_at_what_many_show() {
+    // Far more light arrives from one small disc than its size has even light send; a place whose
+    // own photons come from elsewhere aims at all of it, too.
+    let small = |[u, v]: [f64; 2]| {
+        (around(DVec3::Y, 0.0, v) * (0.04 * u.sqrt())).as_vec3() + Vec3::new(0.7, 2.5, -0.3)
+    };
+    let mut many = photons(3000, Vec3::ZERO, small, |_| 1.0);
+    many.extend(lambertian(5000));
+    let striking = Sources::striking(&mut many);
+    let learned = Sources::learn(&mut lambertian(100), striking.as_ref()).expect("the disc");
+    let cones = learned.seen_from(DVec3::new(0.3, 0.0, 0.2));
+    assert_chi_square(&cones, 96);
+    for i in 0..256 {
+        let point = small(Sampler::new(5, i, 0).pair()).as_dvec3();
+        let density = cones.density((point - DVec3::new(0.3, 0.0, 0.2)).normalize());
+        assert!(density > 10.0, "{density} per steradian towards {point}");
+    }
+}
+
+#[test]
 fn places_are_told_apart() {
     let mut all = Vec::new();
     for (place, source) in [(Vec3::ZERO, Vec3::Y), (Vec3::X * 10.0, Vec3::new(10.0, 1.0, 1.0))] {
@@ -170,16 +190,23 @@ fn extreme_photons_are_tolerated() {
     };
     assert_eq!(here(Vec::new()), None);
     assert_eq!(here(point(1.0)[..3].to_vec()), None, "three photons prove nothing");
-    for power in [1e-30, 1.0, f32::MAX] {
+    for power in [1e-30, 1e-20, 1.0, 1e20, f32::MAX] {
         assert!(here(point(power)).expect("all light comes from a point") > 0.2);
     }
     // One photon that outshines all others proves nothing either.
     let power = |i| if i == 7 { 1e30 } else { 1e-6 };
-    assert!(Sources::learn(&mut photons(500, Vec3::ZERO, |_| Vec3::Y, power)).is_none());
+    assert!(Sources::learn(&mut photons(500, Vec3::ZERO, |_| Vec3::Y, power), None).is_none());
     // Light that comes from where it arrives.
     here(photons(500, Vec3::ZERO, |_| Vec3::ZERO, |_| 1.0));
     here(photons(500, Vec3::ZERO, |[u, v]| Vec3::new(u as f32, 0.0, v as f32) * 0.1, |_| 1.0));
     here(photons(500, Vec3::ZERO, |_| Vec3::MAX, |_| 1.0));
+    here(photons(500, Vec3::ZERO, |_| Vec3::NAN, |_| 1.0));
+    here(photons(
+        500,
+        Vec3::ZERO,
+        |[u, _]| Vec3::splat(if u < 0.5 { f32::NAN } else { 1.0 }),
+        |_| 1.0,
+    ));
     // Seen from inside its sphere.
     let learned = field(point(1.0));
     let inside = learned.at(DVec3::ZERO, DVec3::Y).expect("light").seen_from(DVec3::Y);

@@ -17,6 +17,10 @@ use crate::sampler::Sampler;
 const PHOTONS_PER_PATH: f64 = 0.06;
 const FEWEST_PHOTONS: f64 = 16_384.0;
 const MOST_PHOTONS: f64 = 4_194_304.0;
+/// Most rounds of photons from anywhere, and the part of a round's photons that must have been useful
+/// for none to follow: light through a small hole is found by few.
+const MOST_ROUNDS: u64 = 8;
+const USEFUL: f64 = 0.125;
 /// Photons that are traced one after the other.
 const CHAIN: u32 = 1024;
 /// About how many paths find out which places the image depends on.
@@ -46,18 +50,20 @@ pub(super) fn learn(
     let paths = f64::from(view.size.element_product()) * f64::from(settings.samples);
     let count = (paths * PHOTONS_PER_PATH).clamp(FEWEST_PHOTONS, MOST_PHOTONS);
     let chains = (0.5 * count / f64::from(CHAIN)).ceil() as u64;
-    // Half of the photons start anywhere, the other half near starts whose light was useful: in
+    // Some photons start anywhere, the others near starts whose light was useful: in
     // both, each useful start is as likely as any other.
     let mut useful = Vec::new();
     let mut photons = Vec::new();
-    for _ in 0..2 {
-        let round = u64::from(!photons.is_empty());
+    for round in 0..=MOST_ROUNDS {
+        let enough = photons.len() as f64 > USEFUL * 0.5 * count;
+        let is_last = enough || round == MOST_ROUNDS;
+        let near = if is_last { useful.as_slice() } else { &[] };
         let found: Vec<Found> = (0..chains)
             .into_par_iter()
             .map(|chain| {
-                let pixel = 2 * chain + round;
+                let pixel = round * chains + chain;
                 (!interrupted()).then(|| {
-                    let first = useful.get((chain as usize * useful.len()) / chains as usize);
+                    let first = near.get((chain as usize * near.len()) / chains as usize);
                     trace_chain(&emission, &places, Sampler::new(settings.seed, pixel, 0), first)
                 })
             })
@@ -66,11 +72,11 @@ pub(super) fn learn(
             useful.extend(found.starts);
             photons.extend(found.photons);
         }
-        if photons.is_empty() {
-            return Some(None);
+        if is_last {
+            break;
         }
     }
-    Some(Some(Field::learn(&mut photons)))
+    Some((!photons.is_empty()).then(|| Field::learn(&mut photons)))
 }
 
 /// What a chain of photons found.

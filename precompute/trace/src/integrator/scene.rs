@@ -67,6 +67,11 @@ impl ReferenceScene {
         Ok(Self { fog: Some(fog).filter(|fog| !fog.is_empty()), ..self })
     }
 
+    #[cfg(feature = "media")]
+    pub(crate) fn fog(&self) -> Option<&crate::media::Fog> {
+        self.fog.as_ref()
+    }
+
     /// Whether there is fog.
     #[cfg(feature = "time")]
     pub(crate) fn has_fog(&self) -> bool {
