@@ -6,7 +6,7 @@
 //! seconds, L switches another load on and off, C plugs the charger in and out, H makes the device
 //! 40 % hungrier, Space pauses the tour.
 //!
-//! `make demo` writes the default map, `target/demo/courtyard.pareto.ron`. Nothing here is measured:
+//! The default map is that of `make demo`, or another machine's before it was run. Nothing here is measured:
 //! battery and device are models.
 
 use std::path::Path;
@@ -23,7 +23,8 @@ use bevy_frugal_gi::units::Joules;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{
-    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run, travel,
+    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map,
+    run, travel,
 };
 
 /// What the battery must last for at first, in seconds.
@@ -34,7 +35,7 @@ const IDLE: f64 = 1.5;
 const OTHER_LOAD: f64 = 2.0;
 
 fn main() -> AppExit {
-    run("target/demo/courtyard.pareto.ron", build)
+    run(courtyard_map(), build)
 }
 
 fn build(scene: &Path, map: &Path) -> Result<App, String> {

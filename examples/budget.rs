@@ -8,8 +8,8 @@
 //!
 //! `target/budget.csv` logs it all; `frugal plot-log target/budget.csv` plots it afterwards.
 //!
-//! Without a map the settings are fixed; `make demo` writes the default map,
-//! `target/demo/courtyard.pareto.ron`.
+//! The default map is that of `make demo`, `target/demo/courtyard.pareto.ron`, or another machine's before
+//! it was run. Without a map the settings are fixed.
 
 use std::path::Path;
 
@@ -21,11 +21,12 @@ use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::{ControlLogPlugin, HudPlugin, HudWipe};
 use frugal::scene;
 use frugal_examples::{
-    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run, travel,
+    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map,
+    run, travel,
 };
 
 fn main() -> AppExit {
-    run("target/demo/courtyard.pareto.ron", build)
+    run(courtyard_map(), build)
 }
 
 fn build(scene: &Path, map: &Path) -> Result<App, String> {

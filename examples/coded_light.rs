@@ -143,7 +143,7 @@ fn set_up(
         ..default()
     };
     commands.spawn((ImageNode::new(shown.clone()), whole));
-    commands.spawn((caption("each light alone…"), Report, GlobalZIndex(1)));
+    commands.spawn((caption("each light alone ..."), Report, GlobalZIndex(1)));
     commands.insert_resource(Studio {
         target,
         shown,

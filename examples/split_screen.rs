@@ -5,8 +5,8 @@
 //! and R give one camera four times the other's priority, and with it a share of the other's watts;
 //! E makes them equal.
 //!
-//! The map is that of `make demo`. It was made for one image of the window's size, which the panels
-//! say.
+//! The map is that of `make demo`, or another machine's before it was run. It was made for one image of
+//! the window's size, which the panels say.
 
 use std::path::Path;
 
@@ -22,11 +22,11 @@ use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{
-    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run,
+    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map, run,
 };
 
 fn main() -> AppExit {
-    run("target/demo/courtyard.pareto.ron", build)
+    run(courtyard_map(), build)
 }
 
 fn build(scene: &Path, map: &Path) -> Result<App, String> {

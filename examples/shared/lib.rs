@@ -38,6 +38,13 @@ pub fn workspace_file(path: &str) -> PathBuf {
     workspace.canonicalize().unwrap_or(workspace).join(path)
 }
 
+/// The courtyard's map of `make demo`, relative to the workspace root; before that was run, the one of
+/// another machine that the results are made with.
+pub fn courtyard_map() -> &'static str {
+    let own = "target/demo/courtyard.pareto.ron";
+    if workspace_file(own).is_file() { own } else { "docs/data/records/courtyard.pareto.ron" }
+}
+
 /// Runs an example whose arguments are a scene and a second file, by default the courtyard and
 /// `second`, relative to the workspace root. Exit code 2 and the message where it cannot be built.
 pub fn run(second: &str, build: impl FnOnce(&Path, &Path) -> Result<App, String>) -> AppExit {
