@@ -1,6 +1,7 @@
 //! Points on surfaces, of which some become patches: as many on each as its importance asks for.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use bevy::asset::AssetId;
 use bevy::image::Image;
@@ -85,9 +86,9 @@ impl PatchPoints {
         if is_kept && (target..=TOO_MANY * target).contains(&self.count) {
             return true;
         }
-        if !self.by_count.contains_key(&target) {
+        if let Entry::Vacant(vacant) = self.by_count.entry(target) {
             match points(key, target, assets) {
-                Some(Some(list)) => drop(self.by_count.insert(target, list)),
+                Some(Some(list)) => drop(vacant.insert(list)),
                 Some(None) => return true,
                 // Its texture went to the GPU since the first points were read.
                 None => return false,
