@@ -12,14 +12,15 @@
 //! | `guide` | places from which much light comes, learned from photons |
 //! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
+//! | `fog_cache` | light of emissive surfaces in fog, from few points (feature `media`) |
 //! | `caustics` | light that mirrors throw, from photons (feature `caustics`) |
 //! | [`metrics`] | images, and differences between two |
 //! | `coded` | a rolling shutter under modulated light; with the feature `coded` |
 //! | `inverse` | dual images, and sources found from their light; with the feature `inverse` |
 //! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
-//! Each module imports only those above it, [`integrator`] and `caustics` also [`metrics`]. `color`,
-//! `sampler` (random numbers) and `fourier` serve all.
+//! Each module imports only those above it, [`integrator`], `fog_cache` and `caustics` also
+//! [`metrics`]. `color`, `sampler` (random numbers) and `fourier` serve all.
 //!
 //! # Methods
 //!
@@ -31,7 +32,7 @@
 //! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades | open scenes, and doors ajar |
 //! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
 //! | `media` | fog in the reference image | fog in `time`: paths in fog carry no lengths |
-//! | `media::Cache` | large views of fog that panels light once: from 40,000 pixels | small views or lights, scattered or reflected light, anisotropic fog |
+//! | `fog_cache` | large views of fog that panels light once: from 40,000 pixels | small views or lights, scattered or reflected light, anisotropic fog |
 //! | `time` | transient images; multipath errors of a time-of-flight camera | still images: the same picture for more memory |
 //! | `coded` | stripes that blinking lights draw in a rolling shutter, and codes in them | cameras with a global shutter |
 //! | `inverse` | tests of light transport: dual images, sources from the light they leave | pictures |
@@ -47,6 +48,8 @@ pub mod caustics;
 #[cfg(feature = "coded")]
 pub mod coded;
 mod color;
+#[cfg(feature = "media")]
+pub mod fog_cache;
 #[cfg(any(feature = "coded", feature = "inverse"))]
 mod fourier;
 mod guide;

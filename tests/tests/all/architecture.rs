@@ -110,6 +110,7 @@ const TRACE: &[&str] = &[
     "media",
     "metrics",
     "integrator",
+    "fog_cache",
     "caustics",
     "time",
     "coded",

@@ -5,9 +5,10 @@
 
 use std::time::Instant;
 
+use frugal_trace::fog_cache::{Cache, CacheSettings, Shape};
 use frugal_trace::integrator::{Pixels, ReferenceScene, Settings, View, Watch, render};
 use frugal_trace::light::Sky;
-use frugal_trace::media::{Cache, CacheSettings, Distances, Fog, Shape};
+use frugal_trace::media::{Distances, Fog};
 use frugal_trace::metrics::Radiance;
 use frugal_trace::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
 use glam::{UVec2, Vec3};

@@ -8,14 +8,11 @@
 //! | `phase` | directions in which fog scatters |
 //! | `fog` | coefficients, bounds and transmittance of a homogeneous medium |
 //! | `line` | sampling of distances along a ray through fog |
-//! | `cache` | light of emissive surfaces in fog, from few points |
 
-mod cache;
 mod fog;
 mod line;
 mod phase;
 
-pub use cache::{Cache, CacheSettings, Shape};
 pub use fog::{Distances, Fog, FogError};
 pub(crate) use line::{Equiangular, Line};
 pub(crate) use phase::{density, sample};
