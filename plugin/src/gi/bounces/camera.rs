@@ -10,8 +10,7 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
-use super::choice::PATCHES;
-use super::choice::Patch;
+use super::choice::{PATCHES, Patch};
 use super::kernels::{BounceKernels, ReflectKind};
 use super::patches::GiPatches;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};

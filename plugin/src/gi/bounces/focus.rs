@@ -16,8 +16,8 @@ const STEP_SHARE: f32 = 0.25;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PatchFocus {
     pub camera: Entity,
-    pub center: Vec3,
-    pub near: f32,
+    center: Vec3,
+    near: f32,
 }
 
 impl PatchFocus {
@@ -35,6 +35,11 @@ impl PatchFocus {
         }
         let center = (position / step).round() * step;
         Self { camera, center: if center.is_finite() { center } else { Vec3::ZERO }, near }
+    }
+
+    /// The same in a world that is shifted.
+    pub(super) fn shifted(self, shift: Vec3) -> Self {
+        Self { center: self.center + shift, ..self }
     }
 
     /// Relative density at a position.

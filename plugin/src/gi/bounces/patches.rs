@@ -98,8 +98,7 @@ pub(super) fn update(
         .map(|(entity, _, gi, transform, _, is_cut)| {
             let before = before.iter().find(|focus| focus.camera == entity && !is_cut);
             let shift = jumps.shifts.get(&entity).copied().unwrap_or_default();
-            let before =
-                before.map(|before| PatchFocus { center: before.center + shift, ..*before });
+            let before = before.map(|before| before.shifted(shift));
             PatchFocus::new(entity, transform.translation(), gi.range, before.as_ref())
         })
         .collect();
@@ -155,11 +154,8 @@ fn chosen(
 ) -> Vec<Patch> {
     let mut candidates = Vec::new();
     for instance in instances {
-        let Some(Some(points)) =
-            held.get(&instance.key).map(|held| held.as_ref().map(PatchPoints::in_use))
-        else {
-            continue;
-        };
+        let Some(Some(held)) = held.get(&instance.key) else { continue };
+        let points = held.in_use();
         let spread = area_matrix(&instance.affine);
         // Permanent for an entity: a multiple of the golden ratio.
         let seed = instance.entity.index_u32().wrapping_mul(2_654_435_769);

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::sources::{Sources, partition};
+use super::sources::Sources;
 use super::sphere::Photon;
 
 /// A leaf has at most this many photons times the square root of the number of all.
@@ -83,4 +83,16 @@ impl Node {
 fn face(normal: Vec3) -> usize {
     let axis = normal.abs().max_position();
     2 * axis + usize::from(normal[axis] < 0.0)
+}
+
+/// Moves photons that `is_first` before the others, and returns their number.
+fn partition(photons: &mut [Photon], is_first: impl Fn(&Photon) -> bool) -> usize {
+    let mut count = 0;
+    for i in 0..photons.len() {
+        if is_first(&photons[i]) {
+            photons.swap(i, count);
+            count += 1;
+        }
+    }
+    count
 }

@@ -121,15 +121,3 @@ pub(crate) fn around(axis: DVec3, cosine: f64, turn: f64) -> DVec3 {
     let (across, along) = (turn * TAU).sin_cos();
     axis * cosine + right * (sine * along) + up * (sine * across)
 }
-
-/// Moves photons that `is_first` before the others, and returns their number.
-pub(super) fn partition(photons: &mut [Photon], is_first: impl Fn(&Photon) -> bool) -> usize {
-    let mut count = 0;
-    for i in 0..photons.len() {
-        if is_first(&photons[i]) {
-            photons.swap(i, count);
-            count += 1;
-        }
-    }
-    count
-}
