@@ -7,7 +7,7 @@ use bevy::ecs::prelude::*;
 use bevy::light::{EnvironmentMapLight, NotShadowCaster};
 use bevy::math::Vec3;
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::platform::collections::HashMap;
+use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
@@ -68,6 +68,50 @@ pub(super) struct Surfaces {
     /// A value is `None` where a mesh has no readable triangles.
     points: SurfaceSet<PatchKey, (), Option<PatchPoints>>,
     focuses: Vec<PatchFocus>,
+    numbers: Numbers,
+}
+
+/// A number for each surface, which it keeps until the next cut. Numbers of entities would not do:
+/// they differ from one run of an app to the next.
+#[derive(Default)]
+struct Numbers {
+    of: HashMap<Entity, u32>,
+    next: u32,
+}
+
+impl Numbers {
+    /// Numbers new surfaces by their places.
+    fn update(
+        &mut self,
+        held: &HashMap<PatchKey, Option<PatchPoints>>,
+        instances: &[PatchInstance],
+    ) {
+        let are_there: HashSet<Entity> = instances.iter().map(|instance| instance.entity).collect();
+        self.of.retain(|entity, _| are_there.contains(entity));
+        let mut new: Vec<([u32; 3], Entity)> = instances
+            .iter()
+            .filter(|instance| !self.of.contains_key(&instance.entity))
+            .filter_map(|instance| {
+                let place = held.get(&instance.key)?.as_ref()?.place();
+                let place = instance.affine.transform_point3(place).to_array();
+                Some((place.map(f32::to_bits), instance.entity))
+            })
+            .collect();
+        // Stable: surfaces at one place stay in the order of their entities.
+        new.sort_by_key(|(place, _)| *place);
+        for (_, entity) in new {
+            self.of.insert(entity, self.next);
+            self.next = self.next.wrapping_add(1);
+        }
+    }
+
+    /// Those with a number, in its order.
+    fn sorted<'a>(&self, instances: &'a [PatchInstance]) -> Vec<(u32, &'a PatchInstance)> {
+        let numbered = instances.iter().filter_map(|all| Some((*self.of.get(&all.entity)?, all)));
+        let mut sorted: Vec<_> = numbered.collect();
+        sorted.sort_unstable_by_key(|(number, _)| *number);
+        sorted
+    }
 }
 
 pub(super) fn update(
@@ -88,7 +132,7 @@ pub(super) fn update(
     gi_cameras: GiCameras,
     (changes, jumps): (Res<MeshChanges>, Res<Jumps>),
 ) {
-    let Surfaces { points: surfaces, focuses: before } = &mut *surfaces;
+    let Surfaces { points: surfaces, focuses: before, numbers } = &mut *surfaces;
     surfaces.cache.read(&mut events);
     let mut focuses: Vec<PatchFocus> = cameras
         .iter()
@@ -128,9 +172,14 @@ pub(super) fn update(
     if changed || is_cut || *before != focuses {
         let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);
         let are_refined = refine(values, instances, &focuses, is_cut, &assets);
+        if is_cut {
+            *numbers = Numbers::default();
+        }
+        numbers.update(values, instances);
+        let sorted = numbers.sorted(instances);
         let set = |focus: &PatchFocus| {
             let camera = focus.camera;
-            let chosen = chosen(values, instances, focus);
+            let chosen = chosen(values, &sorted, focus);
             // Keeps the old patches where another camera moved or a change was far away.
             let same =
                 patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
@@ -149,16 +198,16 @@ pub(super) fn update(
 /// A camera's patches.
 fn chosen(
     held: &HashMap<PatchKey, Option<PatchPoints>>,
-    instances: &[PatchInstance],
+    instances: &[(u32, &PatchInstance)],
     focus: &PatchFocus,
 ) -> Vec<Patch> {
     let mut candidates = Vec::new();
-    for instance in instances {
+    for (number, instance) in instances {
         let Some(Some(held)) = held.get(&instance.key) else { continue };
         let points = held.in_use();
         let spread = area_matrix(&instance.affine);
-        // Permanent for an entity: a multiple of the golden ratio.
-        let seed = instance.entity.index_u32().wrapping_mul(2_654_435_769);
+        // A multiple of the golden ratio.
+        let seed = number.wrapping_mul(2_654_435_769);
         for (index, point) in points.points.iter().enumerate() {
             let Some(sample) = point.sample else { continue };
             let facing = spread * point.normal;

@@ -74,6 +74,11 @@ impl PatchPoints {
         &self.by_count[&FIRST_POINTS]
     }
 
+    /// A place on the surface, in the mesh's own space.
+    pub(super) fn place(&self) -> Vec3 {
+        self.first().points.first().map_or(Vec3::ZERO, |point| point.position)
+    }
+
     /// Uses `target` points, or some more where `is_kept`. Returns whether no texture must be waited
     /// for.
     fn resize(

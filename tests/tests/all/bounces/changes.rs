@@ -14,6 +14,7 @@ tests!(
     patches_rest_when_nothing_changes,
     changes_are_reflected_in_the_next_frame,
     what_follows_a_cut_depends_on_nothing_before,
+    light_does_not_depend_on_the_numbers_of_entities,
 );
 
 /// A corner under the sun with three bounces, after it has converged.
@@ -102,4 +103,21 @@ fn what_follows_a_cut_depends_on_nothing_before() {
     assert!(image(Some(Vec3::new(0.2, 1.2, 1.6))) == alone);
     // So far that the boxes there get more points, and those here fewer.
     assert!(image(Some(Vec3::new(40.0, 0.5, 0.0))) == alone);
+}
+
+fn light_does_not_depend_on_the_numbers_of_entities() {
+    let image = |others: usize| {
+        let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
+        with_bounces(&mut stage, 2);
+        (0..others).for_each(|_| drop(stage.world_mut().spawn_empty()));
+        for x in 0..4 {
+            let place = Vec3::new(0.5 * x as f32 - 0.8, 0.1, -1.0);
+            meshes::spawn_box(&mut stage, place, Vec3::splat(0.4), meshes::diffuse(0.8, 0.2, 0.2));
+        }
+        set::look(&mut stage, Vec3::new(0.6, 1.2, 1.6), Vec3::new(0.0, 0.5, -1.0));
+        set::apply(&mut stage, RAYS);
+        (0..6).for_each(|_| stage.frame());
+        stage.radiance().expect("an image")
+    };
+    assert!(image(3) == image(0));
 }
