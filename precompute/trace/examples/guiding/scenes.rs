@@ -1,4 +1,5 @@
-//! Eight small scenes, in metres: in some all light is indirect, others are open.
+//! Small scenes, in metres: in some all light is indirect, others are open. Nothing was tuned on the
+//! last two.
 
 use frugal_trace::integrator::{ReferenceScene, View};
 use frugal_trace::light::{Light, Sky};
@@ -35,6 +36,8 @@ pub(crate) fn all(size: UVec2) -> Vec<Place> {
         place("polished ring", false, ring(), looking([0.0, 0.9, 1.1], [0.0, 0.0, 0.0])),
         place("open field", false, field(), looking([0.0, 1.7, 9.0], [0.0, 1.0, 0.0])),
         place("courtyard", false, courtyard(), looking([-4.5, 1.7, 4.5], [2.0, 1.0, -2.0])),
+        place("uplight", true, uplight(), looking([5.4, 1.5, 0.5], [1.0, 1.0, 3.0])),
+        place("street", false, street(), looking([1.0, 1.7, 18.0], [0.0, 2.5, 0.0])),
     ]
 }
 
@@ -186,6 +189,41 @@ fn courtyard() -> ReferenceScene {
         color: [1.0; 3],
     };
     model.scene(&[sun], Sky::constant([4000.0; 3]))
+}
+
+/// A light deep in a tub beside a wall lights a patch of the ceiling of a room of 6 × 3 × 4 m.
+fn uplight() -> ReferenceScene {
+    let mut model = Model::default();
+    model.material(matte(0.6)).inside([0.0, 0.0, 0.0], [6.0, 3.0, 4.0]);
+    model.solid([2.5, 0.0, 1.5], [3.5, 1.1, 2.0]);
+    let tub = SceneMaterial { double_sided: true, ..matte(0.3) };
+    model.material(tub).wall(Vec3::new(0.6, 0.5, 0.7), 0.1, 0.2, 1.0, 16);
+    let light = Light::Point {
+        position: Vec3::new(0.6, 0.2, 0.7),
+        luminous_power: 8000.0,
+        range: 20.0,
+        color: [1.0; 3],
+    };
+    model.scene(&[light], Sky::Black)
+}
+
+/// A street between two rows of houses, under a low sun and a sky; the ground is wet.
+fn street() -> ReferenceScene {
+    let mut model = Model::default();
+    let wet = SceneMaterial { perceptual_roughness: 0.3, ..matte(0.2) };
+    model.material(wet).solid([-30.0, -0.2, -30.0], [30.0, 0.0, 30.0]);
+    model.material(matte(0.5));
+    for i in 0..5 {
+        let (z, height) = (-20.0 + 8.0 * i as f32, 6.0 + (i % 3) as f32);
+        model.solid([-9.0, 0.0, z], [-3.5, height, z + 7.5]);
+        model.solid([3.5, 0.0, z], [9.0, height + 1.0, z + 7.5]);
+    }
+    let sun = Light::Directional {
+        direction: Vec3::new(-0.9, -0.7, -0.3),
+        illuminance: 6e4,
+        color: [1.0; 3],
+    };
+    model.scene(&[sun], Sky::constant([3000.0; 3]))
 }
 
 fn matte(albedo: f32) -> SceneMaterial {

@@ -12,10 +12,10 @@ use crate::sampler::Sampler;
 
 /// Pairs of paths per path of the image that find out what a guide gains, limits to their number, and
 /// how many are traced one after the other.
-const TRIALS_PER_PATH: f64 = 0.01;
-const FEWEST_TRIALS: f64 = 2048.0;
+const TRIALS_PER_PATH: f64 = 0.005;
+const FEWEST_TRIALS: f64 = 1024.0;
 const MOST_TRIALS: f64 = 65_536.0;
-const TRIALS: u32 = 256;
+const TRIALS: u32 = 128;
 /// Random numbers that are neither those of the image nor those of photons.
 const SEED: u64 = 0x6a09_e667_f3bc_c909;
 
@@ -48,9 +48,10 @@ pub(super) fn gain(scene: &ReferenceScene, view: &View, settings: &Settings, fie
             sum
         })
         .collect();
-    let sum = |of: fn(&Change) -> f64| chunks.iter().map(of).sum::<f64>();
-    let variance = sum(|it| it.variance);
-    (variance + sum(|it| it.saved)) / variance * (sum(|it| it.unguided) / sum(|it| it.guided))
+    // The median, because one rare bright path can outweigh all others.
+    let mut gains: Vec<f64> = chunks.iter().map(Change::gain).collect();
+    gains.sort_unstable_by(f64::total_cmp);
+    gains[gains.len() / 2]
 }
 
 /// What a guide changes, summed over paths.
@@ -67,6 +68,11 @@ struct Change {
 }
 
 impl Change {
+    /// Variance × time unguided ÷ that guided; NaN where there is no light.
+    fn gain(&self) -> f64 {
+        (1.0 + self.saved / self.variance) * (self.unguided / self.guided)
+    }
+
     /// Ends a path and returns its light. Where a guided path brings a sum of lights, an unguided one
     /// would bring one of them: what counts is by how much that exceeds the sum.
     fn finish(&mut self) -> f64 {

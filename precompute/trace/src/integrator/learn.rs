@@ -15,7 +15,7 @@ use crate::guide::{Field, Photon};
 use crate::sampler::Sampler;
 
 /// Photons per path of the image, and limits to their number: memory, and what is worth a pass.
-const PHOTONS_PER_PATH: f64 = 0.06;
+const PHOTONS_PER_PATH: f64 = 0.045;
 const FEWEST_PHOTONS: f64 = 8192.0;
 const MOST_PHOTONS: f64 = 4_194_304.0;
 /// Most rounds of photons from anywhere, and the part of a round's photons that must have been useful
