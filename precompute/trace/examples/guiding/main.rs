@@ -8,6 +8,7 @@
 //! of its tile, so that edges of bright surfaces do not hide dark walls. A variance that rare bright paths dominate is underestimated where
 //! they did not occur, most of all without a guide.
 
+mod model;
 mod scenes;
 
 use frugal_trace::integrator::{Guide, Settings, Watch, render};
