@@ -106,7 +106,7 @@ pub(super) fn trace(
 }
 
 /// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
-/// no ray. `evaluate` is that of a [`Bsdf`]; `arrived` gets light and distance of each.
+/// no ray. `evaluate` is that of a `Bsdf`; `arrived` gets light and distance of each.
 pub(crate) fn punctual(
     scene: &ReferenceScene,
     evaluate: impl Fn(DVec3) -> (DVec3, f64),
