@@ -30,7 +30,7 @@ pub enum Guide {
     #[default]
     None,
     /// Photons, traced before the image: paths branch to where they came from. Much less noise where
-    /// most light is indirect and comes from few small places. Learning takes about a tenth of the
+    /// most light is indirect and comes from few small places. Learning takes up to a sixth of the
     /// time of small images; a guide that would not pay is left out.
     Photons,
 }
