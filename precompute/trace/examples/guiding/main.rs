@@ -4,9 +4,11 @@
 //!
 //! Images of several seeds are rendered in turn. Their variance is the mean squared error, since all
 //! means are equal; it is divided by the squared mean. The gain is error × processor time without a
-//! guide ÷ the same with it. A variance that rare bright paths dominate is underestimated where
+//! guide ÷ the same with it. `local` is the same with each pixel's error divided by the squared mean
+//! of its tile, so that edges of bright surfaces do not hide dark walls. A variance that rare bright paths dominate is underestimated where
 //! they did not occur, most of all without a guide.
 
+mod model;
 mod scenes;
 
 use frugal_trace::integrator::{Guide, Settings, Watch, render};
@@ -44,17 +46,22 @@ fn main() {
                 images.push(image.expect("nothing interrupts").full());
             }
         }
-        let unguided = spread(&runs[0].0) * runs[0].1;
+        let means = tile_means(&runs[runs.len() - 1].0);
+        let even = vec![1.0; means.len()];
+        let unguided = spread(&runs[0].0, &even) * runs[0].1;
+        let unguided_local = spread(&runs[0].0, &means) * runs[0].1;
         for (guide, (images, seconds)) in guides.iter().zip(&runs) {
             let mean = images.iter().map(Radiance::mean).sum::<f64>() / images.len() as f64;
-            let error = spread(images);
+            let error = spread(images, &even);
+            let local = spread(images, &means);
             println!(
-                "{:18} {:8} {:8} mean {mean:9.3} nits  {seconds:6.2} s  error {:9.6}  gain {:7.2}",
+                "{:18} {:8} {:8} mean {mean:9.3} nits  {seconds:6.2} s  error {:9.6}  gain {:7.2}  local {local:9.5} gain {:7.2}",
                 place.name,
                 if place.is_indirect { "indirect" } else { "open" },
                 format!("{guide:?}"),
                 error / (mean * mean),
-                unguided / (error * seconds)
+                unguided / (error * seconds),
+                unguided_local / (local * seconds)
             );
         }
     }
@@ -67,21 +74,36 @@ fn processor_time() -> f64 {
     nanoseconds.expect("a number") * 1e-9
 }
 
-/// Mean over the pixels of the variance between images.
-fn spread(images: &[Radiance]) -> f64 {
+/// Mean over the pixels of the variance between images ÷ the squared `scale` of each pixel.
+fn spread(images: &[Radiance], scale: &[f64]) -> f64 {
     let count = images.len() as f64;
     let pixels = images[0].rgb.len();
     let sum: f64 = (0..pixels)
         .into_par_iter()
         .map(|i| {
-            (0..3)
+            let sum: f64 = (0..3)
                 .map(|channel| {
                     let values = images.iter().map(|image| f64::from(image.rgb[i][channel]));
                     let mean = values.clone().sum::<f64>() / count;
                     values.map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0)
                 })
-                .sum::<f64>()
+                .sum();
+            sum / scale[i].powi(2)
         })
         .sum();
     sum / (3 * pixels) as f64
+}
+
+/// For each pixel, the mean of the tile of 8 × 8 pixels that it lies in, over all images.
+fn tile_means(images: &[Radiance]) -> Vec<f64> {
+    let tile = |i: usize| (i % SIZE.x as usize) / 8 + 8 * (i / SIZE.x as usize / 8);
+    let mut tiles = vec![(0.0, 0.0); 64];
+    for image in images {
+        for (i, rgb) in image.rgb.iter().enumerate() {
+            let (sum, count) = &mut tiles[tile(i)];
+            *sum += f64::from(rgb[0] + rgb[1] + rgb[2]) / 3.0;
+            *count += 1.0;
+        }
+    }
+    (0..images[0].rgb.len()).map(|i| tiles[tile(i)].0 / tiles[tile(i)].1).collect()
 }

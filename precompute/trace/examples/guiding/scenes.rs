@@ -1,9 +1,12 @@
-//! Eight small scenes, in metres: in some all light is indirect, others are open.
+//! Small scenes, in metres: in some all light is indirect, others are open. Nothing was tuned on the
+//! last two.
 
 use frugal_trace::integrator::{ReferenceScene, View};
 use frugal_trace::light::{Light, Sky};
-use frugal_trace::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
-use glam::{UVec2, Vec2, Vec3};
+use frugal_trace::scene::{CameraPose, SceneMaterial};
+use glam::{UVec2, Vec3};
+
+use crate::model::{Model, lamp_of, matte};
 
 /// A scene and a camera in it.
 pub(crate) struct Place {
@@ -35,6 +38,8 @@ pub(crate) fn all(size: UVec2) -> Vec<Place> {
         place("polished ring", false, ring(), looking([0.0, 0.9, 1.1], [0.0, 0.0, 0.0])),
         place("open field", false, field(), looking([0.0, 1.7, 9.0], [0.0, 1.0, 0.0])),
         place("courtyard", false, courtyard(), looking([-4.5, 1.7, 4.5], [2.0, 1.0, -2.0])),
+        place("uplight", true, uplight(), looking([5.4, 1.5, 0.5], [1.0, 1.0, 3.0])),
+        place("street", false, street(), looking([1.0, 1.7, 18.0], [0.0, 2.5, 0.0])),
     ]
 }
 
@@ -188,92 +193,37 @@ fn courtyard() -> ReferenceScene {
     model.scene(&[sun], Sky::constant([4000.0; 3]))
 }
 
-fn matte(albedo: f32) -> SceneMaterial {
-    SceneMaterial {
-        base_color: [albedo, albedo * 0.95, albedo * 0.9, 1.0],
-        ..SceneMaterial::default()
-    }
+/// A light deep in a tub beside a wall lights a patch of the ceiling of a room of 6 × 3 × 4 m.
+fn uplight() -> ReferenceScene {
+    let mut model = Model::default();
+    model.material(matte(0.6)).inside([0.0, 0.0, 0.0], [6.0, 3.0, 4.0]);
+    model.solid([2.5, 0.0, 1.5], [3.5, 1.1, 2.0]);
+    let tub = SceneMaterial { double_sided: true, ..matte(0.3) };
+    model.material(tub).wall(Vec3::new(0.6, 0.5, 0.7), 0.1, 0.2, 1.0, 16);
+    let light = Light::Point {
+        position: Vec3::new(0.6, 0.2, 0.7),
+        luminous_power: 8000.0,
+        range: 20.0,
+        color: [1.0; 3],
+    };
+    model.scene(&[light], Sky::Black)
 }
 
-fn lamp_of(nits: f32) -> SceneMaterial {
-    SceneMaterial { emissive: [nits; 3], ..matte(0.0) }
-}
-
-/// Meshes as they are made: one for each material.
-#[derive(Default)]
-struct Model {
-    geometry: SceneGeometry,
-}
-
-impl Model {
-    /// What follows is of this material.
-    fn material(&mut self, material: SceneMaterial) -> &mut Self {
-        let index = self.geometry.materials.len();
-        self.geometry.materials.push(material);
-        self.geometry.meshes.push(SceneMesh { material: index, ..SceneMesh::default() });
-        self
+/// A street between two rows of houses, under a low sun and a sky; the ground is wet.
+fn street() -> ReferenceScene {
+    let mut model = Model::default();
+    let wet = SceneMaterial { perceptual_roughness: 0.3, ..matte(0.2) };
+    model.material(wet).solid([-30.0, -0.2, -30.0], [30.0, 0.0, 30.0]);
+    model.material(matte(0.5));
+    for i in 0..5 {
+        let (z, height) = (-20.0 + 8.0 * i as f32, 6.0 + (i % 3) as f32);
+        model.solid([-9.0, 0.0, z], [-3.5, height, z + 7.5]);
+        model.solid([3.5, 0.0, z], [9.0, height + 1.0, z + 7.5]);
     }
-
-    fn quad(&mut self, [a, b, c, d]: [Vec3; 4]) {
-        let mesh = self.geometry.meshes.last_mut().expect("a material comes first");
-        let first = mesh.positions.len() as u32;
-        let normal = (c - a).cross(d - b).normalize();
-        for corner in [a, b, c, d] {
-            mesh.positions.push(corner);
-            mesh.normals.push(normal);
-            mesh.uvs.push(Vec2::ZERO);
-            mesh.colors.push([1.0; 4]);
-        }
-        mesh.indices.extend([0, 1, 2, 0, 2, 3].map(|corner| first + corner));
-    }
-
-    /// A box seen from outside.
-    fn solid(&mut self, min: [f32; 3], max: [f32; 3]) {
-        self.faces(min.into(), max.into(), false);
-    }
-
-    /// A box seen from inside.
-    fn inside(&mut self, min: [f32; 3], max: [f32; 3]) {
-        self.faces(min.into(), max.into(), true);
-    }
-
-    fn faces(&mut self, min: Vec3, max: Vec3, inward: bool) {
-        let (center, half) = (0.5 * (min + max), 0.5 * (max - min));
-        for axis in Vec3::AXES.into_iter().flat_map(|axis| [axis, -axis]) {
-            let up = if axis.y == 0.0 { Vec3::Y } else { Vec3::Z };
-            let right = up.cross(axis) * if inward { -1.0 } else { 1.0 };
-            let corner = |r: f32, u: f32| center + (axis + right * r + up * u) * half;
-            self.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
-        }
-    }
-
-    /// A wall around `center`, `height` metres high, with radii below and above.
-    fn wall(&mut self, center: Vec3, below: f32, above: f32, height: f32, sides: u32) {
-        let at = |side: u32, radius: f32, y: f32| {
-            let (sine, cosine) = (side as f32 / sides as f32 * std::f32::consts::TAU).sin_cos();
-            center + Vec3::new(radius * sine, y * height, radius * cosine)
-        };
-        for side in 0..sides {
-            self.quad([
-                at(side, below, -0.5),
-                at(side + 1, below, -0.5),
-                at(side + 1, above, 0.5),
-                at(side, above, 0.5),
-            ]);
-        }
-    }
-
-    /// A table and a cupboard for a room of 4 × 5 m.
-    fn furniture(&mut self) {
-        self.solid([1.4, 0.7, 0.8], [2.8, 0.75, 1.6]);
-        for (x, z) in [(1.45, 0.85), (2.7, 0.85), (1.45, 1.5), (2.7, 1.5)] {
-            self.solid([x, 0.0, z], [x + 0.05, 0.7, z + 0.05]);
-        }
-        self.solid([3.4, 0.0, 1.8], [3.99, 1.8, 3.0]);
-    }
-
-    fn scene(self, lights: &[Light], sky: Sky) -> ReferenceScene {
-        let rays = RayScene::from_geometry(&self.geometry);
-        ReferenceScene::new(self.geometry.into(), rays.into(), lights, sky).expect("valid geometry")
-    }
+    let sun = Light::Directional {
+        direction: Vec3::new(-0.9, -0.7, -0.3),
+        illuminance: 6e4,
+        color: [1.0; 3],
+    };
+    model.scene(&[sun], Sky::constant([3000.0; 3]))
 }

@@ -8,10 +8,11 @@ use super::sphere::{Cone, Photon, Sphere};
 const LEAST_PHOTONS: usize = 4;
 /// Greatest depth of splits.
 const GREATEST_DEPTH: u32 = 40;
-/// Spheres with a smaller share of the samples are left out.
+/// Spheres with a smaller share are left out.
 const LEAST_SHARE: f64 = 0.01;
-/// Standard errors by which a sphere must be brighter than what BSDF sampling expects.
-const MARGIN: f64 = 3.0;
+/// Standard errors by which a sphere must be brighter than what BSDF sampling expects: a branch that
+/// chance suggests costs time and no noise.
+const MARGIN: f64 = 1.0;
 /// Parts of a sphere must cover this part of its power.
 const COVERED: f64 = 0.9;
 

@@ -14,9 +14,7 @@ use super::sphere::{Cone, Photon, Sphere};
 
 /// Most spheres of a place.
 pub(super) const MOST_SPHERES: usize = 16;
-/// Least share of guided samples that is worth its time.
-const LEAST_GUIDED: f64 = 0.05;
-/// Greatest share of guided samples, so that a wrong guide costs a bounded factor.
+/// Most branches per surface on average, so that a wrong guide costs a bounded time.
 const GREATEST_SHARE: f64 = 0.8;
 /// A striking sphere is so many times brighter than what BSDF sampling expects.
 const CONTRAST: f64 = 10.0;
@@ -34,7 +32,7 @@ pub(crate) struct Sources {
 pub(crate) struct Cones {
     cones: [Cone; MOST_SPHERES],
     count: usize,
-    /// Share of samples that are guided.
+    /// Branches per surface, on average.
     share: f64,
 }
 
@@ -43,7 +41,7 @@ impl Sources {
     /// more than BSDF sampling finds by itself.
     ///
     /// The few photons of a place may miss a small bright sphere that it sees, and paths that find
-    /// it by chance are then rare and bright. So a part of the samples aims at what is `striking`.
+    /// it by chance are then rare and bright. So some branches aim at what is `striking`.
     pub(crate) fn learn(photons: &mut [Photon], striking: Option<&Self>) -> Option<Self> {
         let mut spheres = spheres(photons, 1.0);
         let shared = striking.iter().flat_map(|striking| &striking.spheres);
@@ -64,7 +62,7 @@ impl Sources {
         if share > GREATEST_SHARE {
             spheres.iter_mut().for_each(|sphere| sphere.share *= (GREATEST_SHARE / share) as f32);
         }
-        (share >= LEAST_GUIDED).then_some(Self { spheres })
+        (!spheres.is_empty()).then_some(Self { spheres })
     }
 
     /// The spheres as seen from `position`, metres; those around it are left out.
@@ -88,7 +86,7 @@ impl Sources {
 }
 
 impl Cones {
-    /// Share of samples that [`sample`](Self::sample) should take, below 1.
+    /// Branches per surface that [`sample`](Self::sample) should give a direction, on average; below 1.
     pub(crate) fn share(&self) -> f64 {
         self.share
     }

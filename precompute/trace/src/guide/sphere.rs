@@ -26,7 +26,7 @@ pub(super) struct Sphere {
     /// Metres.
     pub(super) center: Vec3,
     pub(super) radius: f32,
-    /// Share of samples.
+    /// Branches towards it per surface, on average.
     pub(super) share: f32,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Sphere {
 pub(super) struct Cone {
     pub(super) axis: DVec3,
     pub(super) least_cosine: f64,
-    /// Share of all samples.
+    /// Branches towards it per surface, on average.
     pub(super) share: f64,
     /// Share × density per steradian inside the cone.
     pub(super) density: f64,

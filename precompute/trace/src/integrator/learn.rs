@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::gain::gain;
 use super::photons::{Emission, Start};
 use super::scene::ReferenceScene;
 use super::settings::Settings;
@@ -14,8 +15,8 @@ use crate::guide::{Field, Photon};
 use crate::sampler::Sampler;
 
 /// Photons per path of the image, and limits to their number: memory, and what is worth a pass.
-const PHOTONS_PER_PATH: f64 = 0.06;
-const FEWEST_PHOTONS: f64 = 16_384.0;
+const PHOTONS_PER_PATH: f64 = 0.045;
+const FEWEST_PHOTONS: f64 = 8192.0;
 const MOST_PHOTONS: f64 = 4_194_304.0;
 /// Most rounds of photons from anywhere, and the part of a round's photons that must have been useful
 /// for none to follow: light through a small hole is found by few.
@@ -25,6 +26,9 @@ const USEFUL: f64 = 0.125;
 const CHAIN: u32 = 1024;
 /// About how many paths find out which places the image depends on.
 const PILOT_PATHS: u32 = 1 << 13;
+/// Least gain that a guide must promise: cones take time, too, which the number of surfaces does not
+/// show.
+const LEAST_GAIN: f64 = 1.1;
 /// Surfaces along a pilot path.
 const PILOT_SURFACES: u32 = 4;
 /// A place is a voxel; so many fit into the scene's diagonal.
@@ -35,7 +39,7 @@ const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 const FRESH: f64 = 0.3;
 
 /// Learns where light comes from at the places that `view` depends on. The outer `None` where
-/// `interrupted`, the inner one where there is nothing to learn.
+/// `interrupted`, the inner one where there is nothing to learn, or where it would not pay.
 ///
 /// The image's own paths teach nothing, so that its samples are independent of the guide.
 pub(super) fn learn(
@@ -44,20 +48,28 @@ pub(super) fn learn(
     settings: &Settings,
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> Option<Option<Field>> {
+    #[cfg(feature = "media")]
+    if scene.fog.is_some() {
+        return Some(None);
+    }
     let Some(emission) = Emission::new(scene, settings) else { return Some(None) };
     let settings = Settings { seed: settings.seed.wrapping_add(SEED), ..*settings };
     let places = Places::new(scene, view, &settings);
     let paths = f64::from(view.size.element_product()) * f64::from(settings.samples);
     let count = (paths * PHOTONS_PER_PATH).clamp(FEWEST_PHOTONS, MOST_PHOTONS);
     let chains = (0.5 * count / f64::from(CHAIN)).ceil() as u64;
+    let gains = |field: &Field| gain(scene, view, &settings, field);
     // Some photons start anywhere, the others near starts whose light was useful: in
     // both, each useful start is as likely as any other.
-    let mut useful = Vec::new();
-    let mut photons = Vec::new();
+    let mut all = Found::default();
     for round in 0..=MOST_ROUNDS {
-        let enough = photons.len() as f64 > USEFUL * 0.5 * count;
+        let enough = all.photons.len().max(all.lit) as f64 > USEFUL * 0.5 * count;
+        // Where light is found at once, half of the photons tell whether the others would pay.
+        if enough && round == 1 && gains(&Field::learn(&mut all.photons)) < 1.0 {
+            return Some(None);
+        }
         let is_last = enough || round == MOST_ROUNDS;
-        let near = if is_last { useful.as_slice() } else { &[] };
+        let near = if is_last { all.starts.as_slice() } else { &[] };
         let found: Vec<Found> = (0..chains)
             .into_par_iter()
             .map(|chain| {
@@ -69,19 +81,23 @@ pub(super) fn learn(
             })
             .collect::<Option<_>>()?;
         for found in found {
-            useful.extend(found.starts);
-            photons.extend(found.photons);
+            all.lit += found.lit;
+            all.starts.extend(found.starts);
+            all.photons.extend(found.photons);
         }
         if is_last {
             break;
         }
     }
-    Some((!photons.is_empty()).then(|| Field::learn(&mut photons)))
+    let field = (!all.photons.is_empty()).then(|| Field::learn(&mut all.photons));
+    Some(field.filter(|field| gains(field) > LEAST_GAIN))
 }
 
 /// What a chain of photons found.
 #[derive(Default)]
 struct Found {
+    /// Photons that lit a place straight from a light.
+    lit: usize,
     starts: Vec<Start>,
     photons: Vec<Photon>,
 }
@@ -112,9 +128,13 @@ fn trace_chain(
             }
         });
         let mut arrived = Vec::new();
-        emission.trace(&start, &mut sampler, |photon| {
+        emission.trace(&start, &mut sampler, |photon, is_sampled| {
             if places.contain(photon.position, photon.normal) {
-                arrived.push(photon);
+                if is_sampled {
+                    found.lit += 1;
+                } else {
+                    arrived.push(photon);
+                }
             }
         });
         if first.is_none() {

@@ -12,12 +12,15 @@
 //! | `view` | a camera's rays |
 //! | `scatter` | directions in which a path goes on, guided or not |
 //! | `lights` | sampling of emissive triangles and of the sky |
+//! | `walk` | one step of a path, from surface to surface |
 //! | `path` | radiance along one path |
 //! | `media` | light in fog; with the feature `media` |
 //! | `photons` | light along paths from the lights |
+//! | `gain` | whether a guide pays |
 //! | `learn` | what a guide learns from photons before an image |
 //! | `render` | a camera's image: sampling of pixels, on all CPU cores |
 
+mod gain;
 mod learn;
 mod lights;
 #[cfg(feature = "media")]
@@ -29,6 +32,7 @@ mod scatter;
 mod scene;
 mod settings;
 mod view;
+mod walk;
 
 #[cfg(feature = "caustics")]
 pub(crate) use lights::per_steradian;

@@ -2,11 +2,10 @@
 
 use glam::{DVec3, Vec3};
 
-use super::lights::{Sampled, emitter, per_steradian, sky};
-use super::scatter::Scatter;
+use super::lights::{Sampled, emitter, sky};
 use super::scene::ReferenceScene;
 use super::settings::{Settings, Strategy};
-use crate::bsdf::{Bsdf, Surface};
+use super::walk::{Tracer, Walk};
 use crate::guide::Field;
 use crate::sampler::Sampler;
 
@@ -63,12 +62,16 @@ pub(crate) struct Arrival {
     pub(crate) length: f64,
     /// The share of `length` between the surface that the camera sees and the ray's beginning.
     pub(crate) last: f64,
+    /// How often unguided paths bring this light ÷ how often these do, in (0, 1].
+    pub(crate) odds: f64,
 }
 
 /// What listens to the paths of a pixel, one after the other.
 pub(crate) trait Record {
     /// A path begins, with a ray that starts so many metres from the eye.
     fn begin(&mut self, _near: f64) {}
+    /// The path or a branch of it meets a surface or the sky; `odds` as in [`Arrival`].
+    fn met(&mut self, _odds: f64) {}
     /// The path brings light.
     fn arrived(&mut self, _: Arrival) {}
     /// The path is at its end; it `counts` unless its estimate is dropped.
@@ -77,14 +80,14 @@ pub(crate) trait Record {
 
 impl Record for () {}
 
-/// Traces a path from `origin`, metres, in `direction`, a unit vector. `field` guides it, and `record`
-/// is told of all light that arrives; in fog it is told nothing.
+/// Traces a path and its branches from `origin`, metres, in `direction`, a unit vector. `field`
+/// guides it, and `record` is told of all light that arrives; in fog it is told nothing.
 pub(super) fn trace(
     scene: &ReferenceScene,
     settings: &Settings,
     field: Option<&Field>,
-    mut origin: Vec3,
-    mut direction: DVec3,
+    origin: Vec3,
+    direction: DVec3,
     sampler: &mut Sampler,
     record: &mut impl Record,
 ) -> Estimate {
@@ -92,92 +95,18 @@ pub(super) fn trace(
     if let Some(fog) = &scene.fog {
         return super::media::trace(scene, fog, settings, origin, direction, sampler);
     }
-    let mut estimate = Estimate::default();
-    let mut throughput = DVec3::ONE;
-    // The throughput that BSDF sampling would have had along the same path: roulette by the real
-    // one would kill guided paths as often as the guide chooses them.
-    let mut reflectance = DVec3::ONE;
-    // Sampling density of `direction`; none for the camera ray.
-    let mut density = None;
-    let (mut length, mut last) = (0.0, 0.0);
-    for surfaces in 0.. {
-        let Some(hit) = scene.closest(origin, direction) else {
-            let weight = density.map_or(1.0, |own| {
-                settings.strategy.weight(false, own, scene.sky.density(direction))
-            });
-            let light = throughput * scene.sky.radiance(direction) * weight;
-            estimate.add_extended(surfaces, light);
-            record.arrived(Arrival { light, surfaces, length, last });
-            break;
-        };
-        let surface = Surface::new(&scene.geometry, &hit);
-        length += surface.position.distance(origin.as_dvec3());
-        if surfaces == 0 {
-            last = length;
-        }
-        let emitted = surface.emission;
-        if emitted != DVec3::ZERO {
-            let weight = density.map_or(1.0, |own| {
-                let per_steradian = per_steradian(
-                    scene.emitters.density(&hit),
-                    surface.position - origin.as_dvec3(),
-                    surface.geometric_normal,
-                );
-                settings.strategy.weight(false, own, per_steradian)
-            });
-            let light = throughput * emitted * weight;
-            estimate.add_extended(surfaces, light);
-            record.arrived(Arrival { light, surfaces, length, last });
-        }
-        if settings.bounces.is_some_and(|bounces| surfaces > bounces) {
-            break;
-        }
-        let bsdf = Bsdf::new(&surface, -direction, settings.shading);
-        origin = surface.ray_origin();
-        let mut arrived = |light: DVec3, distance: f64| {
-            let length = length + if distance.is_finite() { distance } else { 0.0 };
-            let light = throughput * light;
-            record.arrived(Arrival { light, surfaces: surfaces + 1, length, last });
-        };
-        let light = punctual(scene, |to| bsdf.evaluate(to), surface.position, origin, &mut arrived);
-        estimate.add(surfaces + 1, throughput * light);
-        let scatter = Scatter::new(bsdf, &surface, field);
-        estimate.add_extended(
-            surfaces + 1,
-            throughput
-                * extended(
-                    scene,
-                    settings,
-                    |to| scatter.evaluate(to),
-                    origin,
-                    sampler,
-                    &mut arrived,
-                ),
-        );
-        // Beyond the last surface a path can only hit a light.
-        if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
-            break;
-        }
-        let Some(scattered) = scatter.sample(sampler) else { break };
-        throughput *= scattered.weight;
-        reflectance *= scattered.bsdf_weight;
-        (direction, density) = (scattered.direction, Some(scattered.density));
-        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length are
-        // short and need no Russian roulette.
-        if settings.bounces.is_none() && surfaces + 1 >= CERTAIN_SURFACES {
-            let survival = reflectance.max_element().min(GREATEST_SURVIVAL);
-            if sampler.number() >= survival {
-                break;
-            }
-            throughput /= survival;
-            reflectance /= survival;
-        }
+    let mut tracer =
+        Tracer { scene, settings, field, sampler, record, estimate: Estimate::default() };
+    let mut branches = Vec::new();
+    let mut next = Some(Walk::new(origin, direction));
+    while let Some(walk) = next {
+        next = walk.step(&mut tracer, &mut branches).or_else(|| branches.pop());
     }
-    estimate
+    tracer.estimate
 }
 
 /// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
-/// no ray. `evaluate` is that of a [`Bsdf`]; `arrived` gets light and distance of each.
+/// no ray. `evaluate` is that of a `Bsdf`; `arrived` gets light and distance of each.
 pub(crate) fn punctual(
     scene: &ReferenceScene,
     evaluate: impl Fn(DVec3) -> (DVec3, f64),
@@ -198,7 +127,7 @@ pub(crate) fn punctual(
 }
 
 /// Reflected light of one sampled point of an emissive triangle and of one sampled direction of the
-/// sky map. `evaluate` is that of a [`Scatter`].
+/// sky map. `evaluate` is that of a `Scatter`.
 pub(crate) fn extended(
     scene: &ReferenceScene,
     settings: &Settings,

@@ -94,13 +94,13 @@ impl<'a> Emission<'a> {
         })
     }
 
-    /// Traces one photon from `start`, and calls `arrived` wherever it arrives with light that
-    /// paths do not find by sampling lights.
+    /// Traces one photon from `start`, and calls `arrived` wherever it arrives, and whether
+    /// paths find its light there without a guide, by sampling lights.
     pub(super) fn trace(
         &self,
         start: &Start,
         sampler: &mut Sampler,
-        mut arrived: impl FnMut(Photon),
+        mut arrived: impl FnMut(Photon, bool),
     ) {
         let Some(mut flight) = self.emit(start) else { return };
         for surfaces in 0.. {
@@ -108,13 +108,14 @@ impl<'a> Emission<'a> {
             let surface = Surface::new(&self.scene.geometry, &hit);
             flight.power = flight.arriving(surface.position);
             let power = luminance(flight.power) as f32;
-            if !flight.is_sampled && power > 0.0 && power.is_finite() {
-                arrived(Photon {
+            if power > 0.0 && power.is_finite() {
+                let photon = Photon {
                     position: surface.position.as_vec3(),
                     normal: surface.geometric_normal.as_vec3(),
                     source: flight.source,
                     power,
-                });
+                };
+                arrived(photon, flight.is_sampled);
             }
             if self.settings.bounces.is_some_and(|bounces| surfaces >= bounces) {
                 return;

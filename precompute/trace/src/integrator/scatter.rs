@@ -1,5 +1,4 @@
-//! Directions in which a path goes on: those of the BSDF, and for a share of the samples those of
-//! a guide.
+//! Directions in which a path goes on: one of the BSDF, and at some points another one of a guide.
 
 use glam::DVec3;
 
@@ -7,9 +6,9 @@ use crate::bsdf::{Bsdf, Surface};
 use crate::guide::{Cones, Field};
 use crate::sampler::Sampler;
 
-/// Scattering at one point: a mixture of BSDF sampling and guide, of which each sample takes one
-/// (Vorba et al. 2014, "On-line Learning of Parametric Mixture Models for Light Transport
-/// Simulation", section 6).
+/// Scattering at one point: each path goes on in a direction of the BSDF, and some branch into one
+/// of the guide. All are weighed by the balance heuristic (Veach and Guibas 1995): a guide takes
+/// nothing from BSDF sampling, so that it costs time where it is wrong, and no noise.
 pub(super) struct Scatter {
     bsdf: Bsdf,
     guide: Option<Cones>,
@@ -22,10 +21,10 @@ pub(super) struct Scattered {
     pub(super) direction: DVec3,
     /// BSDF × cosine ÷ density.
     pub(super) weight: DVec3,
-    /// The same without a guide.
-    pub(super) bsdf_weight: DVec3,
-    /// Density of the mixture, per steradian.
+    /// Expected number of samples per steradian.
     pub(super) density: f64,
+    /// The part of `density` that the BSDF alone has, in (0, 1].
+    pub(super) odds: f64,
 }
 
 impl Scatter {
@@ -34,52 +33,44 @@ impl Scatter {
         Self { bsdf, guide: sources.map(|sources| sources.seen_from(surface.position)) }
     }
 
-    /// BSDF × cosine for light from `direction`, a unit vector; and the density, per steradian,
-    /// with which [`sample`](Self::sample) takes that direction. Both are 0 where nothing is
-    /// reflected.
+    /// BSDF × cosine for light from `direction`, a unit vector; and the expected number of samples
+    /// per steradian there. Both are 0 where nothing is reflected.
     pub(super) fn evaluate(&self, direction: DVec3) -> (DVec3, f64) {
         let (reflected, own) = self.bsdf.evaluate(direction);
-        let density = match &self.guide {
-            Some(cones) if own > 0.0 => mixed(cones, own, direction),
-            _ => own,
-        };
-        (reflected, density)
+        (reflected, self.density(own, direction))
     }
 
-    /// Samples a direction; `None` where nothing is reflected.
+    /// A direction of the BSDF; `None` where nothing is reflected.
     pub(super) fn sample(&self, sampler: &mut Sampler) -> Option<Scattered> {
-        let unguided = |sampler: &mut Sampler| {
-            let sample = self.bsdf.sample(sampler)?;
-            Some(Scattered {
-                direction: sample.direction,
-                weight: sample.weight,
-                bsdf_weight: sample.weight,
-                density: sample.density,
-            })
-        };
-        let Some(cones) = &self.guide else { return unguided(sampler) };
+        let sample = self.bsdf.sample(sampler)?;
+        let density = self.density(sample.density, sample.direction);
+        let odds = sample.density / density;
+        Some(Scattered { direction: sample.direction, weight: sample.weight * odds, density, odds })
+    }
+
+    /// A direction of the guide, for a share of the paths; `None` where nothing is reflected.
+    pub(super) fn branch(&self, sampler: &mut Sampler) -> Option<Scattered> {
+        let cones = self.guide.as_ref()?;
         let choice = sampler.number();
         if choice >= cones.share() {
-            let own = unguided(sampler)?;
-            let density = mixed(cones, own.density, own.direction);
-            return Some(Scattered {
-                weight: own.weight * (own.density / density),
-                density,
-                ..own
-            });
+            return None;
         }
         let direction = cones.sample(choice, sampler.pair());
         let (reflected, own) = self.bsdf.evaluate(direction);
-        if own <= 0.0 || reflected.max_element() <= 0.0 {
-            return None;
-        }
-        let density = mixed(cones, own, direction);
-        let (weight, bsdf_weight) = (reflected / density, reflected / own);
-        Some(Scattered { direction, weight, bsdf_weight, density })
+        let density = self.density(own, direction);
+        (own > 0.0 && reflected.max_element() > 0.0).then(|| Scattered {
+            direction,
+            weight: reflected / density,
+            density,
+            odds: own / density,
+        })
     }
-}
 
-/// Density of the mixture where BSDF sampling alone has the density `own`.
-fn mixed(cones: &Cones, own: f64, direction: DVec3) -> f64 {
-    (1.0 - cones.share()) * own + cones.density(direction)
+    /// Samples per steradian where BSDF sampling alone takes `own`.
+    fn density(&self, own: f64, direction: DVec3) -> f64 {
+        match &self.guide {
+            Some(cones) if own > 0.0 => own + cones.density(direction),
+            _ => own,
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! Guided images have the mean of unguided ones, and less noise where most light is indirect.
 
+use super::super::gain::gain;
 use super::super::learn::learn;
 use super::super::photons::Emission;
 use super::*;
@@ -112,30 +113,53 @@ fn guided_paths_have_the_unguided_mean() {
     }
 }
 
-#[test]
-fn wrong_guides_do_not_change_the_mean() {
-    let scene = room(&[point_light(Vec3::new(1.0, 1.5, 2.5), 1000.0)], Sky::Black);
-    // Each bounce may have five times its weight: without a limit the variance has none either.
-    let settings = Settings { samples: 1, bounces: Some(2), ..Settings::default() };
-    // Light that is said to come from a corner, from inside a block, from below, and from nowhere.
-    for source in [Vec3::ZERO, Vec3::new(2.4, 0.6, 1.4), Vec3::NEG_Y * 9.0, Vec3::splat(1e30)] {
-        let mut photons = Vec::new();
-        for i in 0..6000 {
-            let axis = Vec3::AXES[i % 3] * if i % 2 == 0 { 1.0 } else { -1.0 };
-            let spread = Vec3::new((i % 7) as f32, (i % 11) as f32, (i % 13) as f32) * 0.02;
-            photons.push(Photon {
-                position: Vec3::new(
-                    (i % 40) as f32 * 0.1,
-                    (i % 25) as f32 * 0.1,
-                    (i % 39) as f32 * 0.1,
-                ),
-                normal: axis,
-                source: source + spread,
-                power: 1.0,
-            });
-        }
-        assert_same_means(&scene, &settings, Some(&Field::learn(&mut photons)));
+/// Light that is said to come from around `source`, everywhere in a room.
+fn lies(source: Vec3) -> Field {
+    let mut photons = Vec::new();
+    for i in 0..6000 {
+        let axis = Vec3::AXES[i % 3] * if i % 2 == 0 { 1.0 } else { -1.0 };
+        let spread = Vec3::new((i % 7) as f32, (i % 11) as f32, (i % 13) as f32) * 0.02;
+        let place = Vec3::new((i % 40) as f32, (i % 25) as f32, (i % 39) as f32) * 0.1;
+        photons.push(Photon { position: place, normal: axis, source: source + spread, power: 1.0 });
     }
+    Field::learn(&mut photons)
+}
+
+#[test]
+fn wrong_guides_change_neither_mean_nor_noise() {
+    let scene = room(&[point_light(Vec3::new(1.0, 1.5, 2.5), 1000.0)], Sky::Black);
+    let noise = |settings: &Settings, field: Option<&Field>| -> f64 {
+        tiles(&scene, settings, field, 12_000).iter().map(|tile| tile.error.powi(2)).sum()
+    };
+    for bounces in [Some(2), None] {
+        let settings = Settings { samples: 1, bounces, ..Settings::default() };
+        let unguided = noise(&settings, None);
+        // From a corner, from inside a block, from below, and from nowhere.
+        for source in [Vec3::ZERO, Vec3::new(2.4, 0.6, 1.4), Vec3::NEG_Y * 9.0, Vec3::splat(1e30)] {
+            let field = lies(source);
+            assert_same_means(&scene, &settings, Some(&field));
+            let guided = noise(&settings, Some(&field));
+            assert!(guided < 1.2 * unguided, "{guided}, not {unguided}, from {source}");
+        }
+    }
+}
+
+#[test]
+fn gains_are_foretold() {
+    let settings = Settings { samples: 4096, ..Settings::default() };
+    let spotlit = room(&[spot()], Sky::Black);
+    let told = |scene: &ReferenceScene, field: &Field| gain(scene, &corner(), &settings, field);
+    let good = told(&spotlit, &learned(&spotlit, &settings).expect("light"));
+    assert!(good > 4.0, "{good}");
+    // A wrong guide costs time; and an even sky is found without one.
+    let lit = room(&[point_light(Vec3::new(1.0, 1.5, 2.5), 1000.0)], Sky::Black);
+    let bad = told(&lit, &lies(Vec3::ZERO));
+    assert!(bad < 1.0, "{bad}");
+    let floor = geometry(diffuse(), |b| {
+        b.tint([0.6; 3]).cuboid(Vec3::new(-3.0, -0.1, -3.0), Vec3::new(5.0, 0.0, 5.0));
+    });
+    let open = scene(floor, &[sun(Vec3::NEG_Y, 100.0)], Sky::Constant(DVec3::splat(30.0)));
+    assert!(learned(&open, &settings).is_none(), "an open field pays no guide");
 }
 
 #[test]
@@ -222,7 +246,9 @@ fn photons_carry_the_light_s_power() {
     for i in 0..count {
         let mut sampler = Sampler::new(3, i, 0);
         let start = std::array::from_fn(|_| sampler.number());
-        emission.trace(&start, &mut sampler, |photon| power += f64::from(photon.power));
+        emission.trace(&start, &mut sampler, |photon, is_sampled| {
+            power += if is_sampled { 0.0 } else { f64::from(photon.power) };
+        });
     }
     // The range's window takes next to nothing.
     let measured = power / count as f64;

@@ -1,0 +1,165 @@
+//! One step of a path: from surface to surface.
+
+use glam::{DVec3, Vec3};
+
+use super::lights::per_steradian;
+use super::path::{
+    Arrival, CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL, Record, extended, punctual,
+};
+use super::scatter::{Scatter, Scattered};
+use super::scene::ReferenceScene;
+use super::settings::Settings;
+use crate::bsdf::{Bsdf, Surface};
+use crate::guide::Field;
+use crate::sampler::Sampler;
+
+/// Least odds that walks keep; those below end by roulette. So at most eight walks live in place of
+/// an unguided one, on average. With roulette down to 1, light that needs two surfaces in a bright
+/// place stays noisy: the inside of a lamp's shade has four times the error. 16 costs time.
+const LEAST_ODDS: f64 = 1.0 / 8.0;
+
+/// What all walks of a path share.
+pub(super) struct Tracer<'a, R> {
+    pub(super) scene: &'a ReferenceScene,
+    pub(super) settings: &'a Settings,
+    pub(super) field: Option<&'a Field>,
+    pub(super) sampler: &'a mut Sampler,
+    pub(super) record: &'a mut R,
+    pub(super) estimate: Estimate,
+}
+
+/// A path, or a branch of it, on its way to the next surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Walk {
+    origin: Vec3,
+    direction: DVec3,
+    throughput: DVec3,
+    /// Density of `direction`, per steradian; none for the camera ray.
+    density: Option<f64>,
+    /// Throughput ÷ what BSDF sampling alone would give the same path, in (0, 1]. Roulette by the
+    /// throughput itself would kill guided paths as often as the guide chooses them.
+    odds: f64,
+    /// Surfaces that it met.
+    surfaces: u32,
+    /// Metres, as in [`Arrival`].
+    length: f64,
+    last: f64,
+}
+
+impl Walk {
+    /// A camera's ray.
+    pub(super) fn new(origin: Vec3, direction: DVec3) -> Self {
+        Self {
+            origin,
+            direction,
+            throughput: DVec3::ONE,
+            density: None,
+            odds: 1.0,
+            surfaces: 0,
+            length: 0.0,
+            last: 0.0,
+        }
+    }
+
+    /// Adds the light of the next surface. Returns how the path goes on, and adds a branch of it.
+    pub(super) fn step<R: Record>(
+        mut self,
+        tracer: &mut Tracer<R>,
+        branches: &mut Vec<Self>,
+    ) -> Option<Self> {
+        let surface = self.emitted(tracer)?;
+        let Tracer { scene, settings, sampler, record, estimate, .. } = tracer;
+        if settings.bounces.is_some_and(|bounces| self.surfaces > bounces) {
+            return None;
+        }
+        let bsdf = Bsdf::new(&surface, -self.direction, settings.shading);
+        self.origin = surface.ray_origin();
+        let Self { origin, throughput, odds, length, last, .. } = self;
+        let surfaces = self.surfaces + 1;
+        let mut arrived = |light: DVec3, distance: f64| {
+            let length = length + if distance.is_finite() { distance } else { 0.0 };
+            record.arrived(Arrival { light: throughput * light, surfaces, length, last, odds });
+        };
+        let light = punctual(scene, |to| bsdf.evaluate(to), surface.position, origin, &mut arrived);
+        estimate.add(surfaces, throughput * light);
+        let scatter = Scatter::new(bsdf, &surface, tracer.field);
+        let light =
+            extended(scene, settings, |to| scatter.evaluate(to), origin, sampler, &mut arrived);
+        estimate.add_extended(surfaces, throughput * light);
+        // Beyond the last surface a path can only hit a light.
+        if settings.bounces == Some(self.surfaces) && !scene.has_extended_light() {
+            return None;
+        }
+        let walk = self.survives((self.odds / LEAST_ODDS).min(1.0), sampler)?;
+        let walk = Self { odds: walk.odds.max(LEAST_ODDS), ..walk };
+        let main = scatter.sample(sampler).and_then(|to| walk.scattered(&to, settings, sampler));
+        let branch = scatter.branch(sampler).and_then(|to| walk.scattered(&to, settings, sampler));
+        branches.extend(branch);
+        main
+    }
+
+    /// Adds what the next surface or the sky emits. Returns the surface.
+    fn emitted<'a, R: Record>(&mut self, tracer: &mut Tracer<'a, R>) -> Option<Surface<'a>> {
+        let Tracer { scene, settings, record, estimate, .. } = tracer;
+        let scene: &'a ReferenceScene = scene;
+        let (surfaces, odds) = (self.surfaces, self.odds);
+        let weigh = |other: f64| {
+            self.density.map_or(1.0, |own| settings.strategy.weight(false, own, other))
+        };
+        record.met(odds);
+        let Some(hit) = scene.closest(self.origin, self.direction) else {
+            let weight = weigh(scene.sky.density(self.direction));
+            let light = self.throughput * scene.sky.radiance(self.direction) * weight;
+            estimate.add_extended(surfaces, light);
+            record.arrived(Arrival { light, surfaces, length: self.length, last: self.last, odds });
+            return None;
+        };
+        let surface = Surface::new(&scene.geometry, &hit);
+        let origin = self.origin.as_dvec3();
+        let length = self.length + surface.position.distance(origin);
+        let last = if surfaces == 0 { length } else { self.last };
+        if surface.emission != DVec3::ZERO {
+            let per_area = scene.emitters.density(&hit);
+            let ray = surface.position - origin;
+            let weight = weigh(per_steradian(per_area, ray, surface.geometric_normal));
+            let light = self.throughput * surface.emission * weight;
+            estimate.add_extended(surfaces, light);
+            record.arrived(Arrival { light, surfaces, length, last, odds });
+        }
+        (self.length, self.last) = (length, last);
+        Some(surface)
+    }
+
+    /// Goes on with a `chance`, in [0, 1].
+    fn survives(self, chance: f64, sampler: &mut Sampler) -> Option<Self> {
+        if chance >= 1.0 {
+            return Some(self);
+        }
+        let goes_on = sampler.number() < chance;
+        goes_on.then(|| Self { throughput: self.throughput / chance, ..self })
+    }
+
+    /// Goes on in a sampled direction, or ends by roulette.
+    fn scattered(
+        &self,
+        to: &Scattered,
+        settings: &Settings,
+        sampler: &mut Sampler,
+    ) -> Option<Self> {
+        let walk = Self {
+            direction: to.direction,
+            throughput: self.throughput * to.weight,
+            density: Some(to.density),
+            odds: self.odds * to.odds,
+            surfaces: self.surfaces + 1,
+            ..*self
+        };
+        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length are
+        // short and need no Russian roulette.
+        if settings.bounces.is_some() || walk.surfaces < CERTAIN_SURFACES {
+            return Some(walk);
+        }
+        let reflectance = (walk.throughput / walk.odds).max_element();
+        walk.survives(reflectance.min(GREATEST_SURVIVAL), sampler)
+    }
+}
