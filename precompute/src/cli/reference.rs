@@ -39,8 +39,8 @@ pub(super) struct Arguments {
     /// no specular lobe
     #[arg(long)]
     lambertian: bool,
-    /// Where paths go on: anywhere their surface scatters, or also where photons came from, which finds
-    /// light through doors and from lit spots sooner and is slower under an open sky
+    /// Where paths go on: anywhere their surface scatters, or also where photons came from: far less
+    /// noise in rooms lit by small lit spots, up to a sixth slower elsewhere
     #[arg(long, value_name = "GUIDE", default_value = "none", value_parser = one_of(GUIDES))]
     guide: Guide,
     #[command(flatten)]
