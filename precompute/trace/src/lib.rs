@@ -32,7 +32,7 @@
 //! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades | open scenes, and doors ajar |
 //! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
 //! | `media` | fog in the reference image | fog in `time`: paths in fog carry no lengths |
-//! | `fog_cache` | large views of fog that panels light once: from 40,000 pixels | small views or lights, scattered or reflected light, anisotropic fog |
+//! | `fog_cache` | fog that panels nearby light once, the more pixels the better | small views of large rooms, small lights, scattered or reflected light, anisotropic fog |
 //! | `time` | transient images; multipath errors of a time-of-flight camera | still images: the same picture for more memory |
 //! | `coded` | stripes that blinking lights draw in a rolling shutter, and codes in them | cameras with a global shutter |
 //! | `inverse` | tests of light transport: dual images, sources from the light they leave | pictures |

@@ -30,8 +30,10 @@ mod scene;
 mod settings;
 mod view;
 
-#[cfg(feature = "caustics")]
+#[cfg(any(feature = "caustics", feature = "media"))]
 pub(crate) use lights::per_steradian;
+#[cfg(feature = "media")]
+pub(crate) use lights::{Sampled, emitter};
 #[cfg(feature = "time")]
 pub(crate) use path::{Arrival, Record};
 #[cfg(feature = "caustics")]
