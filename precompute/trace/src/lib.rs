@@ -13,26 +13,28 @@
 //! | `media` | homogeneous fog; with the feature `media` |
 //! | [`integrator`] | light along paths, and a camera's image |
 //! | `fog_cache` | light of emissive surfaces in fog, from few points (feature `media`) |
+//! | `fog_beams` | light in fog from photons' ways through it (feature `media`) |
 //! | `caustics` | light that mirrors throw, from photons (feature `caustics`) |
 //! | [`metrics`] | images, and differences between two |
 //! | `coded` | a rolling shutter under modulated light; with the feature `coded` |
 //! | `inverse` | dual images, and sources found from their light; with the feature `inverse` |
 //! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
-//! Each module imports only those above it, [`integrator`], `fog_cache` and `caustics` also
-//! [`metrics`]. `color`, `sampler` (random numbers) and `fourier` serve all.
+//! Each module imports only those above it; [`integrator`], `fog_cache`, `fog_beams` and `caustics`
+//! also [`metrics`]. `color`, `sampler` (random numbers) and `fourier` serve all.
 //!
 //! # Methods
 //!
 //! All but the guide are features, off by default. Examples measure them: `guiding`, `caustics`,
-//! `fog` (`media`), `transient` (`time`), `coded` and `dual` (`inverse`).
+//! `fog` and `beams` (`media`), `transient` (`time`), `coded` and `dual` (`inverse`).
 //!
 //! | method | use it for | do not use it for |
 //! |---|---|---|
 //! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades | open scenes, doors ajar: it finds that it does not pay, in up to a sixth of a small image's time |
 //! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
 //! | `media` | fog in the reference image | fog in `time`: paths in fog carry no lengths |
-//! | `fog_cache` | large views of fog that panels light once: from 40,000 pixels | small views or lights, scattered or reflected light, anisotropic fog |
+//! | `fog_cache` | fog that panels nearby light once, the more pixels the better | small views of large rooms, small lights, scattered or reflected light, anisotropic fog |
+//! | `fog_beams` | light that mirrors throw into fog, all light in fog | lights that fog scatters once, where it only equals paths |
 //! | `time` | transient images; multipath errors of a time-of-flight camera | still images: the same picture for more memory |
 //! | `coded` | stripes that blinking lights draw in a rolling shutter, and codes in them | cameras with a global shutter |
 //! | `inverse` | tests of light transport: dual images, sources from the light they leave | pictures |
@@ -48,6 +50,8 @@ pub mod caustics;
 #[cfg(feature = "coded")]
 pub mod coded;
 mod color;
+#[cfg(feature = "media")]
+pub mod fog_beams;
 #[cfg(feature = "media")]
 pub mod fog_cache;
 #[cfg(any(feature = "coded", feature = "inverse"))]

@@ -18,7 +18,6 @@ use rayon::prelude::*;
 
 use crate::integrator::{ReferenceScene, View};
 use crate::metrics::Radiance;
-use crate::sampler::Sampler;
 use crate::scene::Bounds;
 use record::{Record, record};
 
@@ -38,9 +37,10 @@ pub enum Shape {
 /// How records are made and used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CacheSettings {
-    /// Rays of a record: 2 × `rings`²; at least 2.
+    /// Rays of a record: 2 × `rings`², and half as many to points of lights; at least 2.
     pub rings: u32,
-    /// Relative error of a record times volume, ε of equation 2.22, m³, above 0.
+    /// Relative error of a record times volume, ε of equation 2.22, m³, above 0. In a room twice as
+    /// long, eight times as much gives as many records, with twice the `radii`.
     pub tolerance: f64,
     /// Least and greatest radius of a record, metres, above 0.
     pub radii: [f64; 2],
@@ -54,7 +54,8 @@ pub struct CacheSettings {
 
 impl Default for CacheSettings {
     fn default() -> Self {
-        let radii = [0.1, 0.3];
+        // A smaller region would hold one step alone; a greater one is that of a whole room.
+        let radii = [0.2, 2.0];
         Self { rings: 24, tolerance: 1e-2, radii, step: 0.1, shape: Shape::default(), seed: 0 }
     }
 }
@@ -88,9 +89,8 @@ impl Cache {
         for pixel in 0..pixels {
             for (point, _) in cache.steps(scene, view, pixel) {
                 if cache.look_up(point).is_none() {
-                    let mut sampler = Sampler::new(settings.seed, cache.records.len() as u64, 0);
-                    let extinction = fog.extinction();
-                    cache.insert(record(scene, extinction, point, &settings, &mut sampler));
+                    let number = cache.records.len() as u64;
+                    cache.insert(record(scene, fog.extinction(), point, &settings, number));
                 }
             }
         }

@@ -8,7 +8,7 @@ use super::jet::{Jet, distance, eigen, form_factor};
 use super::{CacheSettings, Shape};
 use crate::bsdf::Surface;
 use crate::color::luminance;
-use crate::integrator::ReferenceScene;
+use crate::integrator::{ReferenceScene, Sampled, emitter, per_steradian};
 use crate::sampler::Sampler;
 
 /// Distance of what a ray misses, metres: only its direction matters, since it is dark.
@@ -43,33 +43,56 @@ impl Record {
 /// Mean radiance and its derivatives at `position`, from emissive surfaces that rays find: one ray
 /// for each of `rings` × 2 `rings` equal solid angles. Where neighbouring rays end on different
 /// surfaces the triangle between them is slanted, and its derivatives are those of visibility.
+///
+/// Radiance is also sampled at points of lights, combined by Veach and Guibas 1995: noise of a
+/// record is an error of the whole region in which it is used.
 pub(crate) fn gather(
     scene: &ReferenceScene,
     extinction: DVec3,
     position: DVec3,
     rings: u32,
-    sampler: &mut Sampler,
+    [seed, number]: [u64; 2],
 ) -> (DVec3, [Jet; 3]) {
     let columns = 2 * rings;
-    let hit = |direction: DVec3| -> (DVec3, DVec3) {
+    let count = rings * columns;
+    let samples = count / 2;
+    // Solid angle of a sample: 1 ÷ the expected number per steradian, of both techniques.
+    let share =
+        |density: f64| (f64::from(count) / (4.0 * PI) + f64::from(samples) * density).recip();
+    let through = |distance: f64| (-extinction * distance).exp();
+    let (mut light, mut shares) = (DVec3::ZERO, 0.0);
+    for sample in 0..samples {
+        let mut sampler = Sampler::new(!seed, number, sample);
+        let Some(sampled) = emitter(scene, position, &mut sampler) else { continue };
+        let Sampled { direction, distance, radiance, density, .. } = sampled;
+        if radiance.is_finite() && scene.is_unoccluded(position.as_vec3(), direction, distance) {
+            light += radiance * through(distance) * share(density);
+            shares += share(density);
+        }
+    }
+    let mut hit = |direction: DVec3| -> (DVec3, DVec3) {
         let Some(hit) = scene.closest(position.as_vec3(), direction) else {
+            shares += share(0.0);
             return (direction * FAR, DVec3::ZERO);
         };
-        let emission = Surface::new(&scene.geometry, &hit).emission;
-        let emission = if emission.is_finite() { emission } else { DVec3::ZERO };
-        (direction * f64::from(hit.distance), emission)
+        let (surface, distance) = (Surface::new(&scene.geometry, &hit), f64::from(hit.distance));
+        let ray = direction * distance;
+        let emission = if surface.emission.is_finite() { surface.emission } else { DVec3::ZERO };
+        let own = scene.emitters.density(&hit);
+        let own = share(per_steradian(own, ray, surface.geometric_normal));
+        light += emission * through(distance) * own;
+        shares += own;
+        (ray, emission)
     };
-    let mut ends = Vec::with_capacity((rings * columns) as usize);
-    let mut radiance = DVec3::ZERO;
+    let mut sampler = Sampler::new(seed, number, 0);
+    let mut ends = Vec::with_capacity(count as usize);
     for row in 0..rings {
         for column in 0..columns {
             let [u, v] = sampler.pair();
             let height = 1.0 - 2.0 * (f64::from(row) + u) / f64::from(rings);
             let (sin, cos) = (TAU * (f64::from(column) + v) / f64::from(columns)).sin_cos();
             let side = (1.0 - height * height).max(0.0).sqrt();
-            let end = hit(DVec3::new(side * cos, height, -side * sin));
-            radiance += end.1 * (-extinction * end.0.length()).exp();
-            ends.push(end);
+            ends.push(hit(DVec3::new(side * cos, height, -side * sin)));
         }
     }
     let mut jets = [Jet::ZERO; 3];
@@ -104,7 +127,8 @@ pub(crate) fn gather(
         let last = rings - 1;
         add([end(last, 0), end(last, column + 1), end(last, column)]);
     }
-    (radiance / f64::from(rings * columns), jets)
+    // Shares sum to 4π in the mean; by their own sum, even light is exact.
+    (light / shares, jets)
 }
 
 /// A record at `position`.
@@ -113,14 +137,18 @@ pub(crate) fn record(
     extinction: DVec3,
     position: DVec3,
     settings: &CacheSettings,
-    sampler: &mut Sampler,
+    number: u64,
 ) -> Record {
-    let (radiance, jets) = gather(scene, extinction, position, settings.rings, sampler);
+    let (radiance, jets) =
+        gather(scene, extinction, position, settings.rings, [settings.seed, number]);
     let weights = crate::color::LUMINANCE;
     let hessian =
         jets[0].hessian * weights.x + jets[1].hessian * weights.y + jets[2].hessian * weights.z;
     let (values, vectors) = eigen(hessian);
-    let radii = radii(luminance(radiance), values, settings);
+    // The triangles' light, not the samples': where samples alone find light its Hessian is 0, and
+    // the record would darken all around it.
+    let value = DVec3::from_array(jets.map(|jet| jet.value));
+    let radii = radii(luminance(value), values, settings);
     let metric = DMat3::from_diagonal(radii.recip()) * vectors.transpose();
     let gradients = jets.map(|jet| jet.gradient);
     Record { position, radiance, gradients, metric }

@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec2, Vec3};
 
 use super::jet::{Jet, distance, eigen, form_factor};
-use super::record::{gather, radii};
+use super::record::{gather, radii, record};
 use super::*;
 use crate::light::Sky;
 use crate::media::{Distances, Fog};
@@ -52,7 +52,7 @@ fn view() -> View {
 }
 
 fn found(scene: &ReferenceScene, extinction: f64, at: DVec3, rings: u32) -> (DVec3, [Jet; 3]) {
-    gather(scene, DVec3::splat(extinction), at, rings, &mut Sampler::new(1, 0, 0))
+    gather(scene, DVec3::splat(extinction), at, rings, [1, 0])
 }
 
 #[test]
@@ -126,6 +126,48 @@ fn radii_follow_tolerance_and_shape() {
     assert!((ball - own.min_element()).length() < 1e-12);
     assert_eq!(radii(2.0, DVec3::ZERO, &settings), DVec3::splat(1e9), "even light");
     assert_eq!(radii(0.0, DVec3::ZERO, &settings), DVec3::splat(1e-9), "full shadow");
+}
+
+/// A panel of 1.6 m, 1.9 m above the middle.
+fn panel() -> ReferenceScene {
+    let mut builder = MeshBuilder::new();
+    let corner = |x: f32, z: f32| Vec3::new(0.8 * x, 1.9, 0.8 * z);
+    builder.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
+    let material = SceneMaterial {
+        base_color: [0.0, 0.0, 0.0, 1.0],
+        emissive: [1.0; 3],
+        double_sided: true,
+        ..SceneMaterial::default()
+    };
+    let geometry = SceneGeometry {
+        meshes: vec![builder.finish(0)],
+        materials: vec![material],
+        ..SceneGeometry::default()
+    };
+    with_fog(geometry, 0.1)
+}
+
+#[test]
+fn light_of_a_record_has_little_noise() {
+    let (scene, at) = (panel(), DVec3::new(0.4, -0.5, 0.3));
+    let [a, b, c, d] = [[-0.8, -0.8], [0.8, -0.8], [0.8, 0.8], [-0.8, 0.8]]
+        .map(|[x, z]| DVec3::new(x, 1.9, z) - at);
+    let exact = form_factor([a, b, c]).value.abs() + form_factor([a, c, d]).value.abs();
+    let squares = (0..32).map(|number| {
+        let (radiance, _) = gather(&scene, DVec3::ZERO, at, 24, [1, number]);
+        (radiance.x / exact - 1.0).powi(2)
+    });
+    let error = (squares.sum::<f64>() / 32.0).sqrt();
+    assert!(error < 0.02, "{error}");
+}
+
+#[test]
+fn light_that_no_triangle_sees_has_the_least_region() {
+    let settings = CacheSettings { rings: 2, ..CacheSettings::default() };
+    let own = record(&panel(), DVec3::ZERO, DVec3::NEG_Y * 1.5, &settings, 1);
+    assert!(own.radiance.x > 0.0);
+    let beyond = DVec3::X * settings.radii[0] * 1.01;
+    assert_eq!(own.weight(own.position + beyond), 0.0, "{own:?}");
 }
 
 #[test]

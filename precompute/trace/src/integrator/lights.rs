@@ -8,22 +8,22 @@ use crate::light::EmitterPoint;
 use crate::sampler::Sampler;
 
 /// A point of an emissive triangle, or a direction of the sky.
-pub(super) struct Sampled {
+pub(crate) struct Sampled {
     /// Towards it, unit length.
-    pub(super) direction: DVec3,
+    pub(crate) direction: DVec3,
     /// Metres; infinite for the sky.
-    pub(super) distance: f64,
+    pub(crate) distance: f64,
     /// Nits.
-    pub(super) radiance: DVec3,
+    pub(crate) radiance: DVec3,
     /// Per steradian, above 0.
-    pub(super) density: f64,
+    pub(crate) density: f64,
     /// Where it is; none for the sky.
     #[cfg_attr(not(feature = "media"), expect(dead_code, reason = "fog alone asks for places"))]
-    pub(super) point: Option<DVec3>,
+    pub(crate) point: Option<DVec3>,
 }
 
 /// A point of an emissive triangle that shines on `position`, metres.
-pub(super) fn emitter(
+pub(crate) fn emitter(
     scene: &ReferenceScene,
     position: DVec3,
     sampler: &mut Sampler,

@@ -34,14 +34,22 @@ mod settings;
 mod view;
 mod walk;
 
-#[cfg(feature = "caustics")]
+#[cfg(any(feature = "caustics", feature = "media"))]
 pub(crate) use lights::per_steradian;
+#[cfg(feature = "media")]
+pub(crate) use lights::{Sampled, emitter};
+#[cfg(any(feature = "caustics", feature = "media"))]
+pub(crate) use path::GREATEST_SURVIVAL;
 #[cfg(feature = "time")]
 pub(crate) use path::{Arrival, Record};
 #[cfg(feature = "caustics")]
-pub(crate) use path::{CERTAIN_SURFACES, GREATEST_SURVIVAL, extended, punctual};
+pub(crate) use path::{CERTAIN_SURFACES, extended, punctual};
+#[cfg(any(feature = "caustics", feature = "media"))]
+pub(crate) use photons::Emission;
+#[cfg(feature = "media")]
+pub(crate) use photons::Flight;
 #[cfg(feature = "caustics")]
-pub(crate) use photons::{Emission, Start};
+pub(crate) use photons::Start;
 #[cfg(feature = "time")]
 pub(crate) use render::render_recorded;
 #[cfg(feature = "caustics")]

@@ -40,7 +40,7 @@ pub(crate) struct Flight {
     /// Power ÷ probability.
     pub(crate) power: DVec3,
     /// 1/m²: the window of a punctual light's range; 0 for other lights.
-    inverse_range_squared: f64,
+    pub(crate) inverse_range_squared: f64,
     /// Where it comes from.
     source: Vec3,
     /// Whether paths find it without a guide: they sample its light itself.

@@ -99,7 +99,7 @@ impl ReferenceScene {
 
     /// Whether light of an emissive triangle or of the sky reaches `origin`. Culls the same faces
     /// as [`closest`](Self::closest), since BSDF sampling finds the same light.
-    pub(super) fn is_unoccluded(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
+    pub(crate) fn is_unoccluded(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
         let reach = (distance * FREE_SHARE) as f32;
         !self
             .rays

@@ -1,0 +1,267 @@
+//! Light in fog from beams: photons' straight ways through it.
+//!
+//! Jarosz et al. 2011, "Progressive Photon Beams", also chapter 6 of Marco's thesis, without time: a
+//! camera's ray sees every beam that passes within a radius, which shrinks from pass to pass. Beams
+//! find light that mirrors throw into fog, which paths from the camera find by luck.
+
+use glam::{DVec3, UVec2};
+use rayon::prelude::*;
+
+use crate::bsdf::{Bsdf, Surface};
+use crate::color::luminance;
+use crate::integrator::{
+    Emission, Flight, GREATEST_SURVIVAL, ReferenceScene, Settings, View, Watch,
+};
+use crate::media::{Fog, Line, density, sample};
+use crate::metrics::Radiance;
+use crate::sampler::Sampler;
+
+/// Photons that are traced one after the other.
+const CHUNK: u32 = 1024;
+/// Share of a pass's radius that the next one keeps, in the limit of many: error² falls fastest, as
+/// passes^(−4/5), where variance, ∝ 1/radius, and squared bias, ∝ radius⁴, fall alike.
+const ALPHA: f64 = 0.8;
+/// Beams that are tested for all pixels of a tile rather than sorted into smaller tiles.
+const FEW: usize = 8;
+
+/// Light on a straight way through fog.
+struct Beam {
+    flight: Flight,
+    line: Line,
+    /// Its ends, seen from the eye, metres.
+    ends: [DVec3; 2],
+    /// Unit normal of the plane through eye and beam; 0 where the eye is in line with it.
+    normal: DVec3,
+    /// Least distance from the eye, metres.
+    distance: f64,
+}
+
+impl Beam {
+    fn new(flight: Flight, line: Line, eye: DVec3) -> Self {
+        let ends = [line.at(line.near) - eye, line.at(line.far) - eye];
+        let along = (-ends[0].dot(line.direction)).clamp(0.0, line.far - line.near);
+        Self {
+            flight,
+            line,
+            ends,
+            normal: ends[0].cross(ends[1]).normalize_or_zero(),
+            distance: (ends[0] + line.direction * along).length(),
+        }
+    }
+
+    /// Light that it sends towards the start of `ray`, nits: equation 6.15 of Marco's thesis, with
+    /// Epanechnikov's kernel. 0 for a ray parallel to it, which others meet with no chance.
+    fn seen(&self, fog: &Fog, ray: &Line, radius: f64) -> DVec3 {
+        let cross = ray.direction.cross(self.line.direction);
+        let sine = cross.length();
+        let between = self.line.origin - ray.origin;
+        let apart = between.dot(cross).abs() / sine;
+        // This form also rejects NaN.
+        if !(apart < radius) {
+            return DVec3::ZERO;
+        }
+        let cosine = ray.direction.dot(self.line.direction);
+        let (a, b) = (between.dot(ray.direction), between.dot(self.line.direction));
+        let (eye, light) = ((a - cosine * b) / (sine * sine), (cosine * a - b) / (sine * sine));
+        let is_on = |line: &Line, at: f64| at > line.near && at < line.far;
+        if !is_on(ray, eye) || !is_on(&self.line, light) {
+            return DVec3::ZERO;
+        }
+        let kernel = 0.75 * (1.0 - (apart / radius).powi(2)) / radius;
+        let through = ray.transmittance(eye) * self.line.transmittance(light);
+        let arriving = self.flight.arriving(self.line.at(light));
+        arriving * fog.scattering() * through * (kernel * density(fog.asymmetry(), -cosine) / sine)
+    }
+}
+
+/// Light, nits, that fog scatters towards the camera, in `view`: `settings.samples` passes of
+/// `photons` photons each. Light that surfaces send to the camera is left out, and `settings.guide`
+/// and `settings.strategy` are not used. `radius`, metres, is that of the first pass: edges are
+/// blurred by it, and less by later ones. `None` without fog, for a radius that is not above 0 and
+/// finite, and where `watch` interrupts.
+///
+/// Parallel light comes only through a ball around the scene's geometry.
+pub fn render(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    photons: u32,
+    radius: f64,
+    watch: Watch,
+) -> Option<Radiance> {
+    let fog = scene.fog().filter(|_| radius > 0.0 && radius.is_finite())?;
+    let UVec2 { x: width, y: height } = view.size;
+    let mut sums = vec![DVec3::ZERO; (width * height) as usize];
+    let mut radius = radius;
+    for pass in 0..settings.samples {
+        let beams = beams(scene, fog, view, settings, [pass, photons], watch.interrupted)?;
+        let image = Pass { scene, view, settings, fog, beams: &beams, pass, radius };
+        for (pixel, light) in
+            image.tile([0, 0], [width, height], &(0..beams.len()).collect::<Vec<_>>())
+        {
+            if light.as_vec3().is_finite() {
+                sums[pixel] += light / f64::from(photons.max(1));
+            }
+        }
+        (watch.row_done)();
+        radius *= (f64::from(pass) + 1.0 + ALPHA) / (f64::from(pass) + 2.0);
+    }
+    let mean = |sum: &DVec3| (*sum / f64::from(settings.samples.max(1))).as_vec3().to_array();
+    Some(Radiance { width, height, rgb: sums.iter().map(mean).collect() })
+}
+
+/// One pass over all pixels.
+struct Pass<'a> {
+    scene: &'a ReferenceScene,
+    view: &'a View,
+    settings: &'a Settings,
+    fog: &'a Fog,
+    beams: &'a [Beam],
+    pass: u32,
+    radius: f64,
+}
+
+impl Pass<'_> {
+    /// Light of the pixels from `least` to `most`, from some beams.
+    fn tile(&self, least: [u32; 2], most: [u32; 2], beams: &[usize]) -> Vec<(usize, DVec3)> {
+        let near = self.near(least, most, beams);
+        let size = [most[0] - least[0], most[1] - least[1]];
+        if near.is_empty() {
+            return Vec::new();
+        }
+        if near.len() <= FEW || size == [1, 1] {
+            let pixels = (least[1]..most[1]).flat_map(|y| (least[0]..most[0]).map(move |x| [x, y]));
+            return pixels.map(|at| self.pixel(at, &near)).collect();
+        }
+        let axis = usize::from(size[1] > size[0]);
+        let middle = least[axis] + size[axis] / 2;
+        let (mut end, mut start) = (most, least);
+        (end[axis], start[axis]) = (middle, middle);
+        let (mut low, high) =
+            rayon::join(|| self.tile(least, end, &near), || self.tile(start, most, &near));
+        low.extend(high);
+        low
+    }
+
+    /// The beams that may be within the radius of a tile's rays: not those that are beyond one of
+    /// its sides, and not those of whose plane through the eye all its rays are on one side.
+    fn near(&self, least: [u32; 2], most: [u32; 2], beams: &[usize]) -> Vec<usize> {
+        let [left, top, right, bottom] = [least[0], least[1], most[0], most[1]].map(f64::from);
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom]]
+            .map(|[x, y]| self.view.ray(x, y).1);
+        let middle: DVec3 = corners.iter().sum();
+        let sides: [DVec3; 4] = std::array::from_fn(|side| {
+            let normal = corners[side].cross(corners[(side + 1) % 4]).normalize_or_zero();
+            if normal.dot(middle) > 0.0 { -normal } else { normal }
+        });
+        let radius = self.radius;
+        let is_near = |beam: &Beam| {
+            let beyond = |side: &DVec3| beam.ends.iter().all(|end| end.dot(*side) > radius);
+            let [a, b, c, d] = corners.map(|corner| corner.dot(beam.normal));
+            let apart = a.min(b).min(c).min(d).max(-a.max(b).max(c).max(d));
+            (beam.distance - radius) * apart <= radius && !sides.iter().any(beyond)
+        };
+        beams.iter().copied().filter(|index| is_near(&self.beams[*index])).collect()
+    }
+
+    fn pixel(&self, at: [u32; 2], beams: &[usize]) -> (usize, DVec3) {
+        let index = at[1] * self.view.size.x + at[0];
+        let mut sampler = Sampler::new(!self.settings.seed, u64::from(index), self.pass);
+        let (origin, direction) = self.view.sampled_ray(self.settings.pixels, at, &mut sampler);
+        let hit = self.scene.closest(origin, direction);
+        let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
+        let line = self.fog.line(origin.as_dvec3(), direction, reach);
+        let light = line.map_or(DVec3::ZERO, |line| {
+            beams.iter().map(|beam| self.beams[*beam].seen(self.fog, &line, self.radius)).sum()
+        });
+        (index as usize, light)
+    }
+}
+
+/// Beams of the photons of a pass.
+fn beams(
+    scene: &ReferenceScene,
+    fog: &Fog,
+    view: &View,
+    settings: &Settings,
+    [pass, photons]: [u32; 2],
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Beam>> {
+    let Some(emission) = Emission::new(scene, settings) else { return Some(Vec::new()) };
+    let eye = view.pose.position.as_dvec3();
+    let chunks: Vec<Vec<Beam>> = (0..photons.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let mut found = Vec::new();
+            for photon in chunk * CHUNK..photons.min((chunk + 1).saturating_mul(CHUNK)) {
+                let mut sampler = Sampler::new(settings.seed, u64::from(pass), photon);
+                walk(&emission, scene, fog, settings, &mut sampler, |flight, line| {
+                    found.push(Beam::new(flight, line, eye));
+                });
+            }
+            (!interrupted()).then_some(found)
+        })
+        .collect::<Option<_>>()?;
+    Some(chunks.into_iter().flatten().collect())
+}
+
+/// Follows one photon, and calls `found` with its ways through fog that scatters.
+fn walk(
+    emission: &Emission,
+    scene: &ReferenceScene,
+    fog: &Fog,
+    settings: &Settings,
+    sampler: &mut Sampler,
+    mut found: impl FnMut(Flight, Line),
+) {
+    let (choice, [a, b], [c, d]) = (sampler.number(), sampler.pair(), sampler.pair());
+    let Some(mut flight) = emission.emit(&[choice, a, b, c, d]) else { return };
+    for events in 0.. {
+        let hit = scene.closest(flight.origin, flight.direction);
+        let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
+        let line = fog.line(flight.origin.as_dvec3(), flight.direction, reach);
+        if let Some(line) = line.filter(|line| line.scatters) {
+            found(flight, line);
+        }
+        if settings.bounces.is_some_and(|bounces| events >= bounces) {
+            return;
+        }
+        let distance = line.and_then(|line| line.sample([sampler.number(), sampler.number()]));
+        let (origin, direction, power) = if let (Some(line), Some(distance)) = (line, distance) {
+            let point = line.at(distance);
+            let share = line.transmittance(distance) / line.density(distance);
+            let direction = sample(fog.asymmetry(), flight.direction, sampler.pair());
+            (point.as_vec3(), direction, flight.arriving(point) * fog.scattering() * share)
+        } else {
+            let Some(hit) = hit else { return };
+            let surface = Surface::new(&scene.geometry, &hit);
+            let towards = -flight.direction;
+            let bsdf = Bsdf::new(&surface, towards, settings.shading);
+            let Some(next) = bsdf.sample(sampler) else { return };
+            // As a path from the camera would be reflected. Veach 1997, "Robust Monte Carlo Methods
+            // for Light Transport Simulation", section 5.3: light's cosines are the geometric ones.
+            let reflected =
+                Bsdf::new(&surface, next.direction, settings.shading).evaluate(towards).0;
+            let [leaving, arriving] =
+                [next.direction, towards].map(|way| way.dot(surface.geometric_normal).abs());
+            let share =
+                line.map_or(DVec3::ONE, |line| line.transmittance(line.far) / line.survival());
+            let weight = reflected * (leaving / (arriving * next.density));
+            (
+                surface.ray_origin(),
+                next.direction,
+                flight.arriving(surface.position) * share * weight,
+            )
+        };
+        let survival = (luminance(power) / luminance(flight.power)).min(GREATEST_SURVIVAL);
+        // This form also rejects NaN.
+        if !(sampler.number() < survival) {
+            return;
+        }
+        (flight.origin, flight.direction, flight.power) = (origin, direction, power / survival);
+        flight.inverse_range_squared = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests;
