@@ -111,6 +111,7 @@ const TRACE: &[&str] = &[
     "metrics",
     "integrator",
     "fog_cache",
+    "fog_beams",
     "caustics",
     "time",
     "coded",
