@@ -56,8 +56,9 @@ impl Beam {
         let sine = cross.length();
         let between = self.line.origin - ray.origin;
         let apart = between.dot(cross).abs() / sine;
-        // This form also rejects NaN.
-        if !(apart < radius) {
+        // False for NaN, too.
+        let is_near = apart < radius;
+        if !is_near {
             return DVec3::ZERO;
         }
         let cosine = ray.direction.dot(self.line.direction);
@@ -254,8 +255,9 @@ fn walk(
             )
         };
         let survival = (luminance(power) / luminance(flight.power)).min(GREATEST_SURVIVAL);
-        // This form also rejects NaN.
-        if !(sampler.number() < survival) {
+        // False for NaN, too.
+        let survives = sampler.number() < survival;
+        if !survives {
             return;
         }
         (flight.origin, flight.direction, flight.power) = (origin, direction, power / survival);
