@@ -23,9 +23,9 @@ pub(super) fn print_outcome(searched: &SearchSummary) {
     }
     let (extent, whole, (made, seconds)) = (outcome.extent, Extent::WHOLE, outcome.effort);
     if extent != whole && made > 0 {
-        let minutes = seconds / made as f64 * Extent::WHOLE_RENDERINGS as f64 / 60.0;
+        let minutes = (seconds / made as f64 * Extent::WHOLE_RENDERINGS as f64 / 60.0).ceil();
         println!(
-            "a short search: {} pilot cameras and at most {} settings; with {minutes:.0} minutes it would have {} and {}",
+            "a short search: {} pilot cameras and at most {} settings; with {minutes} minutes it would have {} and {}",
             extent.pilots, extent.pool, whole.pilots, whole.pool
         );
     }
