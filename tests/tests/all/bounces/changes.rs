@@ -109,7 +109,9 @@ fn light_does_not_depend_on_the_numbers_of_entities() {
     let image = |others: usize| {
         let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
         with_bounces(&mut stage, 2);
-        (0..others).for_each(|_| drop(stage.world_mut().spawn_empty()));
+        for _ in 0..others {
+            stage.world_mut().spawn_empty();
+        }
         for x in 0..4 {
             let place = Vec3::new(0.5 * x as f32 - 0.8, 0.1, -1.0);
             meshes::spawn_box(&mut stage, place, Vec3::splat(0.4), meshes::diffuse(0.8, 0.2, 0.2));
