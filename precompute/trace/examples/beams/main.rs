@@ -6,11 +6,14 @@
 //! and the greatest. LENGTH: passes of the run that stands for the truth.
 
 mod scenes;
+#[path = "../shared/timing.rs"]
+mod timing;
 
 use frugal_trace::fog_beams;
 use frugal_trace::integrator::{Settings, Watch, render};
 use frugal_trace::metrics::Radiance;
 use scenes::Place;
+use timing::timed;
 
 /// Photons of a pass.
 const PHOTONS: u32 = 2000;
@@ -24,28 +27,21 @@ fn error(image: &Radiance, truth: &Radiance) -> f64 {
     (squares / truth.rgb.len() as f64).sqrt() / truth.mean()
 }
 
-/// Seconds that this thread has run: other processes do not count.
-fn processor_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    let nanoseconds = text.split(' ').next().and_then(|text| text.parse::<f64>().ok());
-    nanoseconds.expect("a number") * 1e-9
-}
-
 fn settings(place: &Place, samples: u32, seed: u64) -> Settings {
     Settings { samples, seed, bounces: place.bounces, ..Settings::default() }
 }
 
 fn beams(place: &Place, passes: u32, seed: u64) -> (Radiance, f64) {
-    let (start, settings) = (processor_time(), settings(place, passes, seed));
-    let (scene, view) = (&place.scene, &place.view);
-    let image = fog_beams::render(scene, view, &settings, PHOTONS, RADIUS, Watch::default());
-    (image.expect("fog"), processor_time() - start)
+    let (settings, scene, view) = (settings(place, passes, seed), &place.scene, &place.view);
+    let (image, seconds) =
+        timed(|| fog_beams::render(scene, view, &settings, PHOTONS, RADIUS, Watch::default()));
+    (image.expect("fog"), seconds)
 }
 
 fn paths(place: &Place, samples: u32, seed: u64) -> (Radiance, f64) {
-    let (start, settings) = (processor_time(), settings(place, samples, seed));
-    let image = render(&place.scene, &place.view, &settings, Watch::default());
-    (image.expect("not interrupted").full(), processor_time() - start)
+    let settings = settings(place, samples, seed);
+    let (image, seconds) = timed(|| render(&place.scene, &place.view, &settings, Watch::default()));
+    (image.expect("not interrupted").full(), seconds)
 }
 
 /// Seconds; error; error of paths in that time; its ratio to the beams'.

@@ -91,7 +91,7 @@ fn place(
     Place { name, scene, view, bounces, is_found_by_paths }
 }
 
-/// A lamp in a dark shade, which is open at a slit of 2 cm.
+/// A panel in a dark shade, which is open at a slit of 2 cm.
 fn slit() -> Vec<(SceneMaterial, SceneMesh)> {
     let flat = |least: f32, most: f32, y: f32| {
         sheet([1, 1], move |s, t| Vec3::new(least + (most - least) * s, y, 0.3 - 0.6 * t))
@@ -99,7 +99,7 @@ fn slit() -> Vec<(SceneMaterial, SceneMesh)> {
     let side = |x: f32| sheet([1, 1], move |s, t| Vec3::new(x, 0.7 + 0.3 * t, 0.3 - 0.6 * s));
     let end = |z: f32| sheet([1, 1], move |s, t| Vec3::new(0.6 * s - 0.3, 0.7 + 0.3 * t, z));
     let dark = material([0.0; 3], 0.0);
-    let lamp = sheet([1, 1], |s, t| Vec3::new(0.2 * s - 0.1, 0.95, 0.1 - 0.2 * t));
+    let panel = sheet([1, 1], |s, t| Vec3::new(0.2 * s - 0.1, 0.95, 0.1 - 0.2 * t));
     let shade = [
         flat(-0.3, -0.01, 0.7),
         flat(0.01, 0.3, 0.7),
@@ -110,7 +110,7 @@ fn slit() -> Vec<(SceneMaterial, SceneMesh)> {
         end(0.3),
     ];
     let mut parts: Vec<_> = shade.map(|mesh| (dark.clone(), mesh)).into();
-    parts.push((material([0.0; 3], 1e4), lamp));
+    parts.push((material([0.0; 3], 1e4), panel));
     parts
 }
 

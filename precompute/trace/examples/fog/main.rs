@@ -5,11 +5,14 @@
 //! and the greatest.
 
 mod scenes;
+#[path = "../shared/timing.rs"]
+mod timing;
 
 use frugal_trace::fog_cache::{Cache, CacheSettings, Shape};
 use frugal_trace::integrator::{Pixels, Settings, Watch, render};
 use frugal_trace::metrics::Radiance;
 use scenes::Place;
+use timing::timed;
 
 /// Root of the mean squared error ÷ the mean, at the pixels of an image `scale`, odd, times as wide
 /// that have the same centres as the truth's.
@@ -22,19 +25,6 @@ fn error(image: &Radiance, scale: u32, truth: &[f64]) -> f64 {
     });
     let count = truth.len() as f64;
     (squares.sum::<f64>() / count).sqrt() / (truth.iter().sum::<f64>() / count)
-}
-
-/// Seconds that this thread has run: other processes do not count.
-fn processor_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    let nanoseconds = text.split(' ').next().and_then(|text| text.parse::<f64>().ok());
-    nanoseconds.expect("a number") * 1e-9
-}
-
-fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
-    let start = processor_time();
-    let result = work();
-    (result, processor_time() - start)
 }
 
 /// Records; seconds; error; error of paths in that time; its ratio to the cache's.

@@ -10,11 +10,14 @@
 
 mod model;
 mod scenes;
+#[path = "../shared/timing.rs"]
+mod timing;
 
 use frugal_trace::integrator::{Guide, Settings, Watch, render};
 use frugal_trace::metrics::Radiance;
 use glam::UVec2;
 use rayon::prelude::*;
+use timing::timed;
 
 const SIZE: UVec2 = UVec2::new(64, 48);
 
@@ -38,9 +41,7 @@ fn main() {
                     ..Settings::default()
                 };
                 let (image, spent) = one.install(|| {
-                    let started = processor_time();
-                    let image = render(&place.scene, &place.view, &settings, Watch::default());
-                    (image, processor_time() - started)
+                    timed(|| render(&place.scene, &place.view, &settings, Watch::default()))
                 });
                 *seconds += spent / f64::from(seeds);
                 images.push(image.expect("nothing interrupts").full());
@@ -65,13 +66,6 @@ fn main() {
             );
         }
     }
-}
-
-/// Seconds that this thread has run: other processes do not count.
-fn processor_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    let nanoseconds = text.split(' ').next().and_then(|text| text.parse::<f64>().ok());
-    nanoseconds.expect("a number") * 1e-9
 }
 
 /// Mean over the pixels of the variance between images ÷ the squared `scale` of each pixel.

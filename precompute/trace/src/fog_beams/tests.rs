@@ -50,13 +50,13 @@ fn floor() -> MeshBuilder {
     builder
 }
 
-fn lamp(position: Vec3) -> Light {
+fn point_light(position: Vec3) -> Light {
     Light::Point { position, luminous_power: 1000.0, range: 1e3, color: [1.0; 3] }
 }
 
-/// A lamp above a black floor.
+/// A light above a black floor.
 fn lit(fog: Fog) -> ReferenceScene {
-    scene(vec![(material(0.0, 0.0), floor())], &[lamp(Vec3::new(0.2, 0.3, -0.1))], fog)
+    scene(vec![(material(0.0, 0.0), floor())], &[point_light(Vec3::new(0.2, 0.3, -0.1))], fog)
 }
 
 /// Looks over the floor into darkness: all that it sees is scattered by fog.
@@ -87,7 +87,7 @@ fn statistics(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (mean, (variance / (count - 1.0) / count).sqrt())
 }
 
-/// ∫ T(t) σs p(cos) I/d² T(d) dt of the lamp through the middle of a view of one pixel, nits.
+/// ∫ T(t) σs p(cos) I/d² T(d) dt of the light through the middle of a view of one pixel, nits.
 fn exact(fog: &Fog) -> f64 {
     let extinction = fog.extinction().x;
     let steps = 20_000;
@@ -101,7 +101,7 @@ fn exact(fog: &Fog) -> f64 {
     (0..steps).map(step).sum::<f64>() * 2.0 / f64::from(steps)
 }
 
-/// A photon of a lamp, and its line through fog.
+/// A photon of a light, and its line through fog.
 fn beam(scene: &ReferenceScene, start: [f64; 5]) -> Beam {
     let settings = Settings::default();
     let flight = Emission::new(scene, &settings).unwrap().emit(&start).unwrap();
@@ -242,7 +242,7 @@ fn extremes_give_finite_light_or_none() {
     assert!(is_dark(get(&lit(fog(2.0, 0.0)), 0.1).unwrap()), "albedo 0");
     let dark = scene(vec![(material(0.5, 0.0), floor())], &[], fog(0.1, 0.5));
     assert!(is_dark(get(&dark, 0.1).unwrap()), "no light");
-    assert!(is_dark(get(&scene(vec![], &[lamp(Vec3::ZERO)], fog(0.1, 0.5)), 0.1).unwrap()));
+    assert!(is_dark(get(&scene(vec![], &[point_light(Vec3::ZERO)], fog(0.1, 0.5)), 0.1).unwrap()));
     for (absorption, scattering) in [(0.0, 1e-6), (1e-6, 1e-6), (0.0, 1e6), (1e6, 1e6)] {
         let image = get(&lit(fog(absorption, scattering)), 0.1).unwrap();
         assert!(image.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0));
