@@ -45,7 +45,7 @@ pub struct FrugalGi {
     /// Number of diffuse bounces, 1 to [`MAX_BOUNCES`](Self::MAX_BOUNCES). Emissive surfaces and
     /// the sky get one fewer. Without [`visibility`](Self::visibility) it is 1. Higher values:
     /// brighter shadows and rooms, nearer the converged solution (at an albedo of one half, 1
-    /// yields half of all indirect light, 2 three quarters). Default: 1.
+    /// yields half of all indirect light, 3 seven eighths). Default: 3.
     ///
     /// Each further bounce costs a pass over the maps' texels and 16,384 rays (20,480 with a sky).
     /// It runs when the maps are rendered, when the sky or these settings change, and after the
@@ -166,7 +166,7 @@ impl Default for FrugalGi {
             interleave: GiInterleave::Four,
             visibility: GiVisibility::Coarse,
             environment_samples: 16,
-            bounces: 2,
+            bounces: 3,
             emissive: true,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,
