@@ -53,8 +53,8 @@ pub const STRUCT_BYTES: [(&str, u64); 18] = [
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
 pub const SHADER_CONSTANTS: [(&str, &str, u64); 18] = [
-    ("texels/rows.wgsl", "TILE", TILE as u64),
-    ("vpl/importance.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
+    ("texels/texels.wgsl", "TILE", TILE as u64),
+    ("vpl/vpl.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
     ("vpl/tile_visibility.wgsl", "GROUP_ROWS", vpl::TILE_GROUP[1] as u64),
     ("vpl/tile_visibility.wgsl", "POINTS", vpl::TILE_POINTS as u64),
@@ -78,7 +78,7 @@ pub const SHADER_CONSTANTS: [(&str, &str, u64); 18] = [
 #[non_exhaustive]
 pub struct GiGpuState {
     /// Texels of every reflective shadow map, then of emissive surfaces, then of cameras' patches
-    /// (`texels/texel.wgsl`), where there are any.
+    /// (`texels/texels.wgsl`), where there are any.
     pub texels: Option<Buffer>,
     /// The occluders, in the order of the bindings of `trace/trace.wgsl`, while a camera traces
     /// rays.

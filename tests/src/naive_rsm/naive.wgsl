@@ -6,7 +6,7 @@
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::texels::texels::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{Surface, read_surface, scattered_share}
 
 struct Face {

@@ -8,12 +8,9 @@ tests!(
     constants_are_those_of_the_plugin
 );
 
-const SHADERS: [&str; 13] = [
-    include_str!("../../../plugin/src/gi/texels/texel.wgsl"),
+const SHADERS: [&str; 10] = [
+    include_str!("../../../plugin/src/gi/texels/texels.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
-    include_str!("../../../plugin/src/gi/texels/rows.wgsl"),
-    include_str!("../../../plugin/src/gi/vpl/importance.wgsl"),
-    include_str!("../../../plugin/src/gi/vpl/plan.wgsl"),
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
     include_str!("../../../plugin/src/gi/cache/table.wgsl"),
     include_str!("../../../plugin/src/gi/forward/probe.wgsl"),

@@ -55,7 +55,7 @@ pub(crate) struct BounceCamera {
     /// The bounce VPLs.
     pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
-    /// `vpl/importance.wgsl`'s `ImportancePoints`: patches that stand for all.
+    /// `vpl/vpl.wgsl`'s `ImportancePoints`: patches that stand for all.
     pub(super) importance: Buffer,
     /// `bounces/patch.wgsl`'s `PatchRange`.
     pub(super) range: Buffer,

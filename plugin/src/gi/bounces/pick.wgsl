@@ -5,8 +5,8 @@
 // ones.
 
 #import bevy_frugal_gi::gi::bounces::patch::Patch
-#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, ImportancePoint}
+#import bevy_frugal_gi::gi::texels::texels::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoints, ImportancePoint}
 
 @group(0) @binding(0) var<storage, read> patches: array<Patch>;
 @group(0) @binding(1) var<storage, read_write> importance: ImportancePoints;

@@ -8,11 +8,10 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
-#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::texels::texels::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
-#import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
-#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl, from_vpl}
+#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl, empty_stratum, from_vpl, update_stratum}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif

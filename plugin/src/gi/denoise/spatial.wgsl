@@ -7,7 +7,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
-#import bevy_frugal_gi::gi::view::luminance::luminance
+#import bevy_frugal_gi::gi::view::noise::luminance
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;

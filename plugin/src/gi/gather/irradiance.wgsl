@@ -1,7 +1,7 @@
 // Irradiance at a point from one set of a camera's virtual point lights, and from one of its sky
 // samples.
 //
-// With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
+// With visibility (RAYS), the set is split into as many strata (`vpl/vpl.wgsl`) as there are
 // rays: one VPL is sampled per stratum by luminance and the guess of its visibility, and one ray accepts
 // or rejects the stratum's sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but speckle
 // every wall in the colours of its lights.
@@ -9,11 +9,9 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, pixel_width}
-#import bevy_frugal_gi::gi::vpl::plan::Plan
-#import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
+#import bevy_frugal_gi::gi::vpl::vpl::{Plan, Vpl, empty_stratum, from_vpl, update_stratum, weight_of}
 #ifdef RAYS
 #import bevy_frugal_gi::gi::view::noise::pixel_noise
-#import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum, weight_of}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #endif
 #ifdef SKY_RAYS

@@ -6,7 +6,7 @@
 // such a uniform.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::texels::texel::{Texel, pack_normal}
+#import bevy_frugal_gi::gi::texels::texels::{Texel, pack_normal}
 #import bevy_frugal_gi::gi::view::surface::{read_surface, scattered_share}
 
 struct Light {

@@ -7,7 +7,7 @@
 // (many phones' GPUs do not filter 32-bit ones), and seams between faces are avoided (SwiftShader's
 // are dark or bright in float formats).
 
-#import bevy_frugal_gi::gi::view::luminance::luminance
+#import bevy_frugal_gi::gi::view::noise::luminance
 #import bevy_frugal_gi::gi::sky::sky::{SKY_SIDE, SKY_STRATA, SkyLight, sky_direction, stratum_position}
 
 struct SkySource {

@@ -7,7 +7,7 @@
 // spread over the sky; each set takes as many steps as it has samples, and sets are shifted against
 // each other by a fraction of a step.
 
-#import bevy_frugal_gi::gi::view::luminance::luminance
+#import bevy_frugal_gi::gi::view::noise::luminance
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight, SkyPlan}
 
 @group(0) @binding(0) var<storage, read> strata: array<SkyLight>;

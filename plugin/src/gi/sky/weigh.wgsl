@@ -7,7 +7,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
-#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ROWS}
+#import bevy_frugal_gi::gi::vpl::vpl::{COLUMNS, IMPORTANCE_POINTS, importance_pixel}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_open, surface_offset}
 
@@ -23,11 +23,7 @@ var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     begin_trace(lane);
     let size = image_size(view.viewport);
-    // Every other row is shifted by half a rectangle.
-    let cell = vec2<f32>(vec2(lane % COLUMNS, lane / COLUMNS));
-    let shift = select(0.75, 0.25, (lane / COLUMNS) % 2u == 0u);
-    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
-    let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
+    let pixel = importance_pixel(lane, size);
     let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
     let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));

@@ -11,7 +11,7 @@ pub(in crate::gi) struct CascadeCut {
     pub rows: [u32; 2],
 }
 
-/// `texels/rows.wgsl`'s `Row`: one row of one of a camera's maps.
+/// `texels/texels.wgsl`'s `Row`: one row of one of a camera's maps.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(in crate::gi) struct TexelRow {

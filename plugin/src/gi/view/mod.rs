@@ -6,7 +6,7 @@
 //! | `work` | render | the work of a camera in a frame |
 //! | `light` | both | whether there is light to gather; a camera's environment map |
 //! | `shown` | main | which meshes GI cameras show |
-//! | `noise.wgsl` | | noise of low-resolution pixels |
+//! | `noise.wgsl` | | noise of low-resolution pixels, luminance |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
 mod frame;
@@ -38,7 +38,6 @@ pub(super) struct ViewPlugin;
 
 impl Plugin for ViewPlugin {
     fn build(&self, app: &mut App) {
-        load_shader_library!(app, "luminance.wgsl");
         load_shader_library!(app, "noise.wgsl");
         load_shader_library!(app, "surface.wgsl");
         app.init_resource::<LightPresence>()

@@ -1,5 +1,10 @@
-// Noise of low-resolution pixels, and hashes.
+// Noise of low-resolution pixels, hashes, and luminance.
 #define_import_path bevy_frugal_gi::gi::view::noise
+
+/// Rec. 709, linear RGB.
+fn luminance(light: vec3<f32>) -> f32 {
+    return dot(light, vec3(0.2126, 0.7152, 0.0722));
+}
 
 /// Interleaved gradient noise (Jimenez 2014), 0 to 1: the pixels of a small filter have every value
 /// about once. Over frames 0, 1, 2… a pixel's values spread by the golden ratio.

@@ -1,7 +1,6 @@
 //! Virtual point lights: sampled for each GI camera from the texels of its maps.
 
 mod passes;
-mod plan;
 mod view;
 
 use bevy::app::{App, Plugin};
@@ -21,9 +20,8 @@ use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 pub(super) use passes::{SampleInputs, TILE_GROUP, TILE_POINTS, VplKernels, WEIGH_GROUP};
-pub(super) use plan::{VPL_BYTES, VplPlan};
 pub(super) use view::{
-    IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, VplView,
+    IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan, VplView,
 };
 
 pub(super) struct VplPlugin;
@@ -31,9 +29,6 @@ pub(super) struct VplPlugin;
 impl Plugin for VplPlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "vpl.wgsl");
-        load_shader_library!(app, "stratum.wgsl");
-        load_shader_library!(app, "plan.wgsl");
-        load_shader_library!(app, "importance.wgsl");
         embedded_asset!(app, "tile_visibility.wgsl");
         embedded_asset!(app, "weigh.wgsl");
         embedded_asset!(app, "sample.wgsl");
@@ -86,7 +81,7 @@ pub(super) fn sample(
         if again {
             return passes.sample_again(pass);
         }
-        pass.set_bind_group(0, passes.weighing(), &[view_offset.offset]);
+        pass.set_bind_group(0, &passes.weighing, &[view_offset.offset]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         if let Some(traced) = traced {

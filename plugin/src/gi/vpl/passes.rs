@@ -86,7 +86,7 @@ pub(in crate::gi) struct SampleInputs<'a> {
     /// Of the store.
     pub texels: &'a Buffer,
     pub buffers: &'a SamplingBuffers,
-    /// Points that stand for everything to be lit: `vpl/importance.wgsl`'s `ImportancePoints`.
+    /// Points that stand for everything to be lit: `vpl/vpl.wgsl`'s `ImportancePoints`.
     pub importance: &'a Buffer,
     pub vpls: &'a Buffer,
     /// The VPLs' plan, and its number of slots.
@@ -102,7 +102,8 @@ pub(in crate::gi) struct SamplingPasses<'a> {
     accumulate_maps: &'a ComputePipeline,
     sample: &'a ComputePipeline,
     tracing: BindGroup,
-    weighing: BindGroup,
+    /// Of the weights, and of the pass before them, which picks importance points.
+    pub(super) weighing: BindGroup,
     sampling: BindGroup,
     inputs: SampleInputs<'a>,
 }
@@ -161,11 +162,6 @@ impl VplKernels {
 }
 
 impl SamplingPasses<'_> {
-    /// The bind group of the weights, for the pass before them, which picks importance points.
-    pub(crate) fn weighing(&self) -> &BindGroup {
-        &self.weighing
-    }
-
     /// Traces tile visibility; group 1 holds the occluders. `occluded_tiles` must have been cleared
     /// before.
     pub(crate) fn trace_tiles(&self, pass: &mut ComputePass, occluders: &BindGroup) {

@@ -2,21 +2,15 @@
 // proportion to their weights (see `weigh.wgsl`).
 //
 // The sequence is fixed while something changes, so a slow camera has nearly still VPLs. At rest each
-// frame has another one: shifts by the R2 sequence (Roberts 2018) spread them. Each set of VPLs (see `plan.wgsl`) is a
+// frame has another one: shifts by the R2 sequence (Roberts 2018) spread them. Each set of VPLs (see `Plan`) is a
 // Hammersley set of its own: the first coordinate stratifies rows, the radical inverse places the
 // texel in its row. Sets are shifted against each other, rows by a fraction of a stratum and texels
 // by multiples of the golden ratio, so that their union is one stratified set of all VPLs. Every
 // VPL carries total · flux / (weight · count of its set): the expectation of the sum over a set is
 // the sum over texels, without variance where weights are proportional to flux.
 
-#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::vpl::plan::Plan
-#import bevy_frugal_gi::gi::texels::rows::Row
-#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl}
-#ifdef TILE_VISIBILITY
-#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
-#import bevy_frugal_gi::gi::texels::rows::TILE
-#endif
+#import bevy_frugal_gi::gi::texels::texels::{Row, TILE, Texel, texel_normal}
+#import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoints, MAX_FLUX, Plan, Vpl, importance_of}
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;

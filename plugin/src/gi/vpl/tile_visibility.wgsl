@@ -7,11 +7,10 @@
 // but it affects only weights: as long as none is 0, the estimate stays unbiased.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::texels::texels::{Row, TILE, Texel, is_cut, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::apparent_distance
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, surface_offset}
-#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
-#import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
+#import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> texels: array<Texel>;

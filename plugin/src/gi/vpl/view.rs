@@ -1,15 +1,51 @@
-//! A GI camera's buffers for its VPLs.
+//! A GI camera's buffers for its VPLs, and their interleaving among its pixels.
 
 use std::sync::Arc;
 
 use bevy::ecs::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bytemuck::{Pod, Zeroable};
 
-use super::plan::{VPL_BYTES, VplPlan};
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
+use crate::gi::settings::{FrugalGi, GiInterleave};
 use crate::gi::texels::{TexelRow, same_layout};
 use crate::gi::view::GiView;
+
+/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test compares it with the shader.
+pub(in crate::gi) const VPL_BYTES: u64 = 48;
+
+/// `vpl/vpl.wgsl`'s `Plan`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct VplPlan {
+    /// Side of the square of low-resolution pixels among which the VPLs are interleaved.
+    pub interleave: u32,
+    /// Sets of VPLs: `interleave`².
+    pub sets: u32,
+    /// VPLs in each set: 1 to 1024, and 0 where there are no texels.
+    pub per_set: u32,
+    /// Which samples of the weights: 0 while something changes, others at rest.
+    pub sequence: u32,
+}
+
+impl VplPlan {
+    /// At least `vpl_count` VPLs in equal sets, but no more in a set than a pixel can evaluate.
+    pub(crate) fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
+        let side = interleave.side();
+        let sets = side * side;
+        let per_set = vpl_count
+            .min(FrugalGi::MAX_VPL_COUNT)
+            .div_ceil(sets)
+            .clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
+        Self { interleave: side, sets, per_set, sequence: 0 }
+    }
+
+    /// VPLs in the buffer: one set behind the other.
+    pub(crate) fn count(&self) -> u32 {
+        self.sets * self.per_set
+    }
+}
 
 /// The VPLs of a GI camera and the buffers of their sampling. In the render world.
 #[derive(Component)]
@@ -30,7 +66,7 @@ impl VplView {
 
     /// VPLs that are sampled in this frame.
     pub(crate) fn sampled(&self, view: &GiView) -> u64 {
-        if view.work.sample { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
+        if view.work.sample { self.plan.count().into() } else { 0 }
     }
 
     /// Bytes held on the GPU.
@@ -62,8 +98,10 @@ pub(super) fn prepare(
     mut views: Query<(Entity, &GiView, Option<&mut VplView>)>,
 ) {
     for (entity, view, held) in &mut views {
-        let plan = VplPlan::new(view.gi.vpl_count, view.gi.interleave);
-        let plan = if view.rows.is_empty() { plan.without_vpls() } else { plan };
+        let mut plan = VplPlan::new(view.gi.vpl_count, view.gi.interleave);
+        if view.rows.is_empty() {
+            plan.per_set = 0;
+        }
         let Some(mut held) = held else {
             commands.entity(entity).insert(VplView::new(&device, plan, view));
             continue;
@@ -90,7 +128,7 @@ pub(super) fn prepare(
 
 /// Surface points that stand for all surfaces in view.
 pub(in crate::gi) const IMPORTANCE_POINTS: u64 = 32;
-/// Bytes of `vpl/importance.wgsl`'s `ImportancePoint`. A test compares it with the shader.
+/// Bytes of `vpl/vpl.wgsl`'s `ImportancePoint`. A test compares it with the shader.
 pub(in crate::gi) const IMPORTANCE_POINT_BYTES: u64 = 32;
 
 /// Bytes of its `ImportancePoints`.
@@ -147,5 +185,24 @@ impl SamplingBuffers {
     fn bytes(&self) -> u64 {
         let Self { row_table, importance, occluded_tiles, texel_cdf, row_cdf, .. } = self;
         bytes_of([row_table, importance, occluded_tiles, texel_cdf, row_cdf])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_hold_all_vpls_and_no_more_than_a_pixel_evaluates() {
+        for interleave in GiInterleave::ALL {
+            for count in [1, 2, 31, 32, 100, 1024, 4096, FrugalGi::MAX_VPL_COUNT, u32::MAX] {
+                let plan = VplPlan::new(count, interleave);
+                assert!((1..=FrugalGi::MAX_VPLS_PER_PIXEL).contains(&plan.per_set));
+                let wanted = count
+                    .min(FrugalGi::MAX_VPL_COUNT)
+                    .min(plan.sets * FrugalGi::MAX_VPLS_PER_PIXEL);
+                assert!((wanted..wanted + plan.sets).contains(&plan.count()), "{count} {plan:?}");
+            }
+        }
     }
 }

@@ -1,5 +1,8 @@
-// A virtual point light: Keller 1997, "Instant Radiosity".
+// Virtual point lights (Keller 1997, "Instant Radiosity"): their data, the points by which they are
+// sampled, and the strata by which rays are shared among them.
 #define_import_path bevy_frugal_gi::gi::vpl::vpl
+
+#import bevy_frugal_gi::gi::view::noise::luminance
 
 struct Vpl {
     /// World space, metres.
@@ -37,4 +40,101 @@ fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let receiver = max(dot(normal, to_light), 0.0) * inverse;
     let emitter = max(-dot(vpl.normal, to_light), 0.0) * inverse;
     return vpl.flux * min(receiver * emitter, vpl.largest_geometry_term);
+}
+
+/// Interleaving of a camera's virtual point lights among its pixels. In a storage buffer because
+/// loops depend on its counts: software Vulkan drivers recompile a shader for each value of a
+/// uniform that control flow depends on.
+struct Plan {
+    /// Side of the square of low-resolution pixels among which the VPLs are interleaved.
+    interleave: u32,
+    /// Sets of VPLs: `interleave`².
+    sets: u32,
+    /// VPLs in each set.
+    per_set: u32,
+    /// Which samples of the weights: 0 while something changes, others at rest.
+    sequence: u32,
+}
+
+/// A surface point that stands for all visible surfaces, with others (or, for bounces, for all
+/// patches).
+struct ImportancePoint {
+    /// World space, metres.
+    position: vec3<f32>,
+    /// Squared radius of the disk that it stands for, m²; 0 where there is no surface.
+    radius_squared: f32,
+    /// World space, unit length.
+    normal: vec3<f32>,
+    /// Width of its pixel, metres.
+    pixel_width: f32,
+}
+
+/// Columns and rows of the grid over the image, with one point in each rectangle.
+const COLUMNS: u32 = 8u;
+const ROWS: u32 = 4u;
+const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
+
+struct ImportancePoints {
+    /// Defensive-sampling term: added to the importance of every texel, 1/m².
+    defensive_term: f32,
+    points: array<ImportancePoint, IMPORTANCE_POINTS>,
+}
+
+/// Importance of a surface point to an importance point: their unoccluded geometry term, 1/m².
+fn importance_of(point: ImportancePoint, position: vec3<f32>, normal: vec3<f32>) -> f32 {
+    let to_point = position - point.position;
+    let square = clamp(dot(to_point, to_point), 1e-18, 1e30);
+    let cosines = max(dot(point.normal, to_point), 0.0) * max(-dot(normal, to_point), 0.0) / square;
+    return select(0.0, cosines / (square + point.radius_squared), point.radius_squared > 0.0);
+}
+
+/// The pixel of an importance point: in the middle of a grid's rectangle, every other row shifted by
+/// half a rectangle.
+fn importance_pixel(index: u32, size: vec2<u32>) -> vec2<u32> {
+    let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
+    let shift = select(0.75, 0.25, (index / COLUMNS) % 2u == 0u);
+    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
+    return min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
+}
+
+/// One light sampled from a stratum of many, in proportion to the irradiance from each.
+///
+/// Each stratum takes one ray. The ray to the sampled light accepts or rejects the irradiance of the
+/// whole stratum. In luminance the expectation is the sum over the visible lights, whatever occludes
+/// the others, and rays go where light comes from: one step of resampled importance sampling (Talbot
+/// et al. 2005) with its candidates in a fixed order.
+struct Stratum {
+    /// Unoccluded irradiance from all its lights, lux · π.
+    sent: vec3<f32>,
+    /// Sum of the lights' weights: their luminance.
+    total: f32,
+    /// The random number, in 0 to 1: one for the whole stratum. After each candidate it is
+    /// rescaled, which leaves it uniform (reservoir sampling by Chao 1982, with the number reused).
+    number: f32,
+    /// Index of the sampled light.
+    sampled: u32,
+}
+
+/// A stratum without lights; `number` in 0 to 1.
+fn empty_stratum(number: f32) -> Stratum {
+    return Stratum(vec3(0.0), 0.0, number, 0u);
+}
+
+fn weight_of(light: vec3<f32>) -> f32 {
+    // Keeps a sum over a thousand lights finite.
+    return min(luminance(light), 1e30);
+}
+
+/// Adds one candidate with unoccluded irradiance `light` to the reservoir.
+fn update_stratum(stratum: Stratum, index: u32, light: vec3<f32>) -> Stratum {
+    let weight = weight_of(light);
+    let total = stratum.total + weight;
+    let probability = weight / max(total, 1e-35);
+    let accepted = stratum.number < probability;
+    return Stratum(
+        stratum.sent + light,
+        total,
+        select((stratum.number - probability) / (1.0 - probability), stratum.number / probability, accepted),
+        select(stratum.sampled, index, accepted),
+    );
 }

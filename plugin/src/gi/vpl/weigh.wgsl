@@ -10,10 +10,9 @@
 // four times the flux that it would carry if all were sampled by flux.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::texels::texels::{Row, TILE, Texel, is_cut, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
-#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, ImportancePoint, importance_of}
-#import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
+#import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoint, ImportancePoints, importance_of, importance_pixel}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -25,15 +24,11 @@
 /// Written by `tile_visibility.wgsl`.
 @group(0) @binding(7) var<storage, read> occluded_tiles: array<u32>;
 
-/// One thread per importance point: the pixels in the middle of a grid's rectangles, every other
-/// row shifted by half a rectangle.
+/// One thread per importance point.
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let size = image_size(view.viewport);
-    let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
-    let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
-    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
-    let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
+    let pixel = importance_pixel(index, size);
     let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
     var point: ImportancePoint;
     point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
