@@ -53,17 +53,14 @@ pub(in crate::gi) struct SkyReading {
 /// What a camera's sky light depends on, apart from the camera's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct SkyInputs {
-    plan: SkyPlan,
+    /// Of sequence 0.
+    pub plan: SkyPlan,
+    /// The source of the strata.
     reading: (TextureId, SkyReading),
     is_generated: bool,
 }
 
 impl SkyInputs {
-    /// Samples that a low-resolution pixel evaluates.
-    pub(crate) fn samples(&self) -> u32 {
-        self.plan.samples
-    }
-
     /// Whether the map is generated in each frame.
     pub(crate) fn is_generated(&self) -> bool {
         self.is_generated
@@ -73,8 +70,7 @@ impl SkyInputs {
 /// A GI camera's buffers for its sky. In the render world.
 #[derive(Component)]
 pub(crate) struct SkyCamera {
-    /// Of sequence 0.
-    pub(in crate::gi) plan: SkyPlan,
+    inputs: SkyInputs,
     /// The sequence of `plan_buffer`.
     sequence: u32,
     pub(in crate::gi) plan_buffer: Buffer,
@@ -83,10 +79,7 @@ pub(crate) struct SkyCamera {
     pub(super) strata: Buffer,
     pub(super) importance: Buffer,
     pub(super) reading_buffer: Buffer,
-    /// The source of the strata.
-    reading: (TextureId, SkyReading),
     pub(super) is_filled: AtomicBool,
-    is_generated: bool,
     /// Whether all pipelines are compiled: until then Bevy's own light stays.
     pub(in crate::gi) is_active: bool,
 }
@@ -94,11 +87,7 @@ pub(crate) struct SkyCamera {
 impl SkyCamera {
     /// The inputs of the sky light, while it is gathered.
     pub(in crate::gi) fn inputs(&self) -> Option<SkyInputs> {
-        self.is_active.then_some(SkyInputs {
-            plan: self.plan,
-            reading: self.reading,
-            is_generated: self.is_generated,
-        })
+        self.is_active.then_some(self.inputs)
     }
 
     /// Bytes held on the GPU for this camera's sky.
@@ -107,29 +96,21 @@ impl SkyCamera {
         bytes_of([plan_buffer, samples, strata, importance, reading_buffer])
     }
 
-    fn new(
-        device: &RenderDevice,
-        plan: SkyPlan,
-        reading: (TextureId, SkyReading),
-        is_generated: bool,
-        is_active: bool,
-    ) -> Self {
+    fn new(device: &RenderDevice, inputs: SkyInputs, is_active: bool) -> Self {
         let storage = BufferUsages::STORAGE;
         let filled = |label, contents: &[u8]| filled_buffer(device, label, contents, storage);
         let empty =
             |label, size| empty_buffer(device, label, size, storage | BufferUsages::COPY_SRC);
-        let (sets, strata) = (u64::from(plan.sets), u64::from(STRATA));
+        let (sets, strata) = (u64::from(inputs.plan.sets), u64::from(STRATA));
         Self {
-            plan,
+            inputs,
             sequence: 0,
-            plan_buffer: filled("frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
+            plan_buffer: filled("frugal_gi/sky/plan", bytemuck::bytes_of(&inputs.plan)),
             samples: empty("frugal_gi/sky/samples", sets * SET_BYTES),
             strata: empty("frugal_gi/sky/strata", strata * SKY_LIGHT_BYTES),
             importance: empty("frugal_gi/sky/importance", strata * 4),
-            reading_buffer: filled("frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
-            reading,
+            reading_buffer: filled("frugal_gi/sky/reading", bytemuck::bytes_of(&inputs.reading.1)),
             is_filled: AtomicBool::new(false),
-            is_generated,
             is_active,
         }
     }
@@ -168,20 +149,19 @@ pub(super) fn prepare(
         };
         let is_active = kernels.are_ready(&cache);
         let reading = (image.texture.id(), reading(source, image));
-        let Some(mut held) = held.filter(|held| held.plan == plan) else {
-            let sky = SkyCamera::new(&device, plan, reading, source.is_generated, is_active);
-            commands.entity(entity).insert(sky);
+        let inputs = SkyInputs { plan, reading, is_generated: source.is_generated };
+        let Some(mut held) = held.filter(|held| held.inputs.plan == plan) else {
+            commands.entity(entity).insert(SkyCamera::new(&device, inputs, is_active));
             continue;
         };
         held.is_active = is_active;
-        held.is_generated = source.is_generated;
-        if held.reading != reading {
+        if held.inputs.reading != reading {
             queue.write_buffer(&held.reading_buffer, 0, bytemuck::bytes_of(&reading.1));
         }
-        if held.reading != reading || source.is_generated {
+        if held.inputs.reading != reading || source.is_generated {
             held.is_filled.store(false, Ordering::Relaxed);
         }
-        held.reading = reading;
+        held.inputs = inputs;
     }
 }
 
@@ -193,7 +173,7 @@ pub(super) fn prepare_sequences(
     for (view, mut sky) in &mut cameras {
         if view.work.sample && sky.sequence != view.sequence {
             sky.sequence = view.sequence;
-            let plan = SkyPlan { sequence: sky.sequence, ..sky.plan };
+            let plan = SkyPlan { sequence: sky.sequence, ..sky.inputs.plan };
             queue.write_buffer(&sky.plan_buffer, 0, bytemuck::bytes_of(&plan));
         }
     }
