@@ -26,7 +26,7 @@ use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceEvents, SurfaceInstance,
     SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint, Triangles,
-    triangles,
+    changed_asset, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
 use crate::gi::view::{GiCameras, LightPresence};
@@ -145,15 +145,11 @@ pub(super) fn update(
     changes: Res<MeshChanges>,
 ) {
     let EmissiveState { materials, surfaces, exposures } = &mut *state;
-    for event in material_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) =
-            event
-        else {
-            continue;
-        };
-        match assets.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
-            Some(emission) => materials.insert(*id, emission),
-            None => materials.remove(id),
+    let events_read = material_events.iter_mut().flat_map(MessageReader::read);
+    for id in events_read.filter_map(changed_asset) {
+        match assets.materials.as_ref().and_then(|materials| emission(materials.get(id)?)) {
+            Some(emission) => materials.insert(id, emission),
+            None => materials.remove(&id),
         };
     }
     surfaces.cache.read(&mut events);
@@ -267,8 +263,8 @@ fn assemble(
         .filter_map(|instance| {
             let surface = surfaces.get(&instance.key)?.as_ref()?;
             let radiance = instance.material.radiance(exposure);
-            let power =
-                surface.power(&instance.affine, radiance) * instance.material.sides.count() as f64;
+            let power = surface.power(&instance.affine, radiance)
+                * instance.material.sides.signs().len() as f64;
             (power > 0.0 && power.is_finite()).then_some((instance, radiance, power))
         })
         .collect();
@@ -285,7 +281,7 @@ fn assemble(
     let mut texels = Vec::new();
     for (instance, radiance, power) in emissive {
         let sides = instance.material.sides;
-        let share = (TEXELS as f64 * power / total / sides.count() as f64).ceil() as usize;
+        let share = (TEXELS as f64 * power / total / sides.signs().len() as f64).ceil() as usize;
         let count = share.clamp(1, TEXELS).next_power_of_two();
         let Some(Some(points)) = surfaces.get_mut(&instance.key) else { continue };
         if points.len() < count * instance.key.points_per_texel() {

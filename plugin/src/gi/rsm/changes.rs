@@ -15,7 +15,7 @@ use bevy::transform::components::GlobalTransform;
 
 use super::extent::BoundingSphere;
 use crate::cut::CUT_DISTANCE;
-use crate::gi::surfaces::MeshChanges;
+use crate::gi::surfaces::{MeshChanges, changed_asset};
 
 /// What changed since the last frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -164,13 +164,7 @@ pub(super) fn shift(by: Vec3, seen: impl Iterator<Item = Vec3>) -> Option<Vec3> 
 }
 
 fn changed<A: Asset>(events: &mut Option<MessageReader<AssetEvent<A>>>) -> HashSet<AssetId<A>> {
-    let id = |event: &AssetEvent<A>| match event {
-        AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => {
-            Some(*id)
-        }
-        AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => None,
-    };
-    events.iter_mut().flat_map(MessageReader::read).filter_map(id).collect()
+    events.iter_mut().flat_map(MessageReader::read).filter_map(changed_asset).collect()
 }
 
 #[cfg(test)]

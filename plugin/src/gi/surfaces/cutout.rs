@@ -9,9 +9,8 @@ use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
 use super::copies::Textures;
-use super::mesh::vertex_colors;
+use super::mesh::{MeshTexture, TextureUse, vertex_colors};
 use super::points::interpolated;
-use super::texture::{MeshTexture, TextureUse};
 
 /// A material's alpha mask. A mesh has the same holes under equal masks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -31,16 +30,15 @@ impl Mask {
             AlphaMode::AlphaToCoverage => 0.5,
             _ => return None,
         };
-        let texture = material.base_color_texture.as_ref();
-        let texture = texture.map(|image| {
-            TextureUse::new(image, &material.base_color_channel, material.uv_transform)
-        });
         // With a cutoff of NaN, everything is a hole.
         if cutoff <= 0.0 {
             return None;
         }
+        let texture = material.base_color_texture.as_ref();
         Some(Self {
-            texture,
+            texture: texture.map(|image| {
+                TextureUse::new(image, &material.base_color_channel, material.uv_transform)
+            }),
             alpha: material.base_color.alpha().to_bits(),
             cutoff: cutoff.to_bits(),
         })

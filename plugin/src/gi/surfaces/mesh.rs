@@ -1,8 +1,17 @@
-//! A mesh asset as far as the main world can read it: triangles, vertex colours, visible sides.
+//! Mesh assets and their textures as far as the main world can read them: triangles, vertex colours,
+//! visible sides, texels.
 
-use bevy::math::Vec3;
-use bevy::mesh::{Indices, Mesh, PrimitiveTopology, VertexAttributeValues};
+use std::borrow::Cow;
+
+use bevy::asset::{AssetId, Handle};
+use bevy::color::LinearRgba;
+use bevy::image::Image;
+use bevy::math::{Affine2, Vec2, Vec3};
+use bevy::mesh::{Mesh, PrimitiveTopology, UvChannel, VertexAttributeValues};
 use bevy::render::render_resource::Face;
+
+use super::copies::{Textures, is_readable};
+use super::points::interpolated;
 
 /// Triangles in the mesh's own space.
 pub(in crate::gi) struct Triangles {
@@ -26,21 +35,13 @@ pub(in crate::gi) fn triangles(mesh: &Mesh) -> Option<Triangles> {
     let is_there = |corners: &[usize; 3]| corners.iter().all(|corner| *corner < positions.len());
     let corners: Vec<[usize; 3]> = match mesh.try_indices_option().ok()? {
         None => (0..positions.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
-        Some(Indices::U16(indices)) => {
-            indices.as_chunks::<3>().0.iter().map(|i| i.map(usize::from)).filter(is_there).collect()
+        Some(indices) => {
+            let indices: Vec<usize> = indices.iter().collect();
+            indices.as_chunks::<3>().0.iter().copied().filter(is_there).collect()
         }
-        Some(Indices::U32(indices)) => indices
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .map(|i| i.map(|i| i as usize))
-            .filter(is_there)
-            .collect(),
     };
-    let positions = corners
-        .iter()
-        .map(|triangle| triangle.map(|corner| Vec3::from(positions[corner])))
-        .collect();
+    let place = |corner: usize| Vec3::from(positions[corner]);
+    let positions = corners.iter().map(|triangle| triangle.map(place)).collect();
     Some(Triangles { corners, positions })
 }
 
@@ -88,9 +89,96 @@ impl Sides {
             Self::Both => &[1.0, -1.0],
         }
     }
+}
 
-    /// Number of sides.
-    pub(crate) fn count(self) -> usize {
-        self.signs().len()
+/// The mapping of a texture onto a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::gi) struct TextureUse {
+    pub image: AssetId<Image>,
+    /// Whether it uses the second set of coordinates.
+    second: bool,
+    /// Bits of the matrix by columns, for use as a key.
+    transform: [u32; 6],
+}
+
+impl TextureUse {
+    /// A material's texture, by its channel and `uv_transform`.
+    pub(crate) fn new(image: &Handle<Image>, channel: &UvChannel, transform: Affine2) -> Self {
+        Self {
+            image: image.id(),
+            second: *channel == UvChannel::Uv1,
+            transform: transform.to_cols_array().map(f32::to_bits),
+        }
     }
+
+    /// The mesh's coordinates for it. Bevy reads no texture where there are none.
+    fn coordinates(self, mesh: &Mesh) -> Option<&[[f32; 2]]> {
+        let attribute = if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 };
+        match mesh.try_attribute_option(attribute).ok()?? {
+            VertexAttributeValues::Float32x2(coordinates) => Some(coordinates),
+            _ => None,
+        }
+    }
+}
+
+/// A texture on a mesh.
+#[derive(Clone, Debug)]
+pub(in crate::gi) struct MeshTexture<'a> {
+    image: Cow<'a, Image>,
+    coordinates: Cow<'a, [[f32; 2]]>,
+    /// From the mesh's coordinates to the texture's.
+    transform: Affine2,
+}
+
+impl<'a> MeshTexture<'a> {
+    /// A texture on `mesh`: `None` while it cannot be read yet, and `Some(None)` where there is no
+    /// texture, or the mesh has no coordinates for it.
+    pub(crate) fn new(
+        texture: Option<TextureUse>,
+        mesh: &'a Mesh,
+        textures: Textures<'a>,
+    ) -> Option<Option<Self>> {
+        let Some(texture) = texture else { return Some(None) };
+        let image = textures.get(texture.image)?;
+        let transform = Affine2::from_cols_array(&texture.transform.map(f32::from_bits));
+        let on_mesh = |coordinates| Self {
+            image: Cow::Borrowed(image),
+            coordinates: Cow::Borrowed(coordinates),
+            transform,
+        };
+        Some(texture.coordinates(mesh).map(on_mesh))
+    }
+
+    /// With copies of all borrowed data.
+    pub(crate) fn into_owned(self) -> MeshTexture<'static> {
+        let Self { image, coordinates, transform } = self;
+        MeshTexture {
+            image: Cow::Owned(image.into_owned()),
+            coordinates: Cow::Owned(coordinates.into_owned()),
+            transform,
+        }
+    }
+
+    /// Whether the CPU can read the image.
+    pub(crate) fn is_readable(&self) -> bool {
+        is_readable(&self.image)
+    }
+
+    /// Linear colour at a point of a triangle, given by its vertex indices and barycentric weights
+    /// of the second and third corner. `None` where the CPU cannot read it.
+    pub(crate) fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
+        // Vertices without coordinates have (0, 0).
+        let coordinates = corners
+            .map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
+        texel(&self.image, self.transform.transform_point2(interpolated(coordinates, weights)))
+    }
+}
+
+/// Linear colour of the texel at `uv`; `None` where the CPU cannot read it.
+fn texel(image: &Image, uv: Vec2) -> Option<LinearRgba> {
+    let (width, height) = (image.width().max(1), image.height().max(1));
+    // Repeats outside the unit square.
+    let texel = (uv - uv.floor()) * Vec2::new(width as f32, height as f32);
+    let (x, y) = ((texel.x as u32).min(width - 1), (texel.y as u32).min(height - 1));
+    image.get_color_at(x, y).ok().map(|color| color.to_linear())
 }

@@ -2,8 +2,6 @@
 //!
 //! For surfaces outside every rendered view that occlude light, emit it or reflect it again.
 
-mod cache;
-mod changes;
 mod copies;
 mod cutout;
 mod mesh;
@@ -11,29 +9,36 @@ mod points;
 mod reflectance;
 mod scan;
 mod set;
-mod texture;
 
 use bevy::app::{App, Plugin, PostUpdate};
-use bevy::asset::AssetEventSystems;
-use bevy::camera::visibility::VisibilitySystems;
+use bevy::asset::{Asset, AssetEvent, AssetEventSystems, AssetId};
+use bevy::camera::visibility::{
+    NoFrustumCulling, RenderLayers, VisibilityRange, VisibilitySystems,
+};
 use bevy::ecs::prelude::*;
+use bevy::ecs::system::SystemParam;
+use bevy::light::NotShadowCaster;
+use bevy::math::Affine3A;
+use bevy::mesh::Mesh3d;
+use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
+use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
+use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::platform::collections::HashSet;
 use bevy::transform::TransformSystems;
 
 use super::schedule::SceneSystems;
-pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
-pub(super) use changes::MeshChanges;
-#[cfg(test)]
-pub(super) use changes::note as note_changes;
 pub use copies::GiTextureCopies;
 pub(super) use copies::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
-pub(super) use mesh::{Sides, Triangles, triangles};
+pub(super) use mesh::{MeshTexture, Sides, TextureUse, Triangles, triangles};
 pub(super) use points::{
     MAX_COORDINATE, SurfacePoint, SurfacePoints, TrianglePoint, area_matrix, is_in_range,
 };
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
-pub(super) use set::{SurfaceInstance, SurfaceMesh, SurfaceSet};
-pub(super) use texture::{MeshTexture, TextureUse};
+use scan::{ChangeKind, Columns, scan};
+pub(super) use set::{
+    SurfaceCache, SurfaceEvents, SurfaceInstance, SurfaceKey, SurfaceMesh, SurfaceSet,
+};
 
 pub(super) struct SurfacesPlugin;
 
@@ -42,7 +47,7 @@ impl Plugin for SurfacesPlugin {
         app.init_resource::<MeshChanges>().add_systems(
             PostUpdate,
             // Need this frame's asset events, final transforms, boxes and visibility.
-            changes::note
+            note_changes
                 .in_set(SceneSystems::Changes)
                 .after(AssetEventSystems)
                 .after(TransformSystems::Propagate)
@@ -56,4 +61,122 @@ impl Plugin for SurfacesPlugin {
     fn finish(&self, app: &mut App) {
         copies::pass::finish(app);
     }
+}
+
+/// What changed of meshes since the last frame.
+#[derive(Resource, Default)]
+pub(super) struct MeshChanges {
+    /// Anything may have changed.
+    pub unknown: bool,
+    /// Meshes that came, went or changed in anything but their place or the mesh asset itself.
+    pub altered: Vec<Entity>,
+    /// Meshes without a skin that moved, and where they are.
+    pub moved: Vec<(Entity, Affine3A)>,
+    /// Meshes of which anything changed that can be seen, and those that lost a component. Changed
+    /// assets are not among it.
+    pub touched: Vec<Entity>,
+    /// Entities that lost `Mesh3d`; also in `altered`.
+    pub gone: Vec<Entity>,
+}
+
+impl MeshChanges {
+    /// Whether nothing changed.
+    pub(crate) fn is_empty(&self) -> bool {
+        !self.is_altered() && self.touched.is_empty()
+    }
+
+    /// Everything that changed, sorted, each once.
+    pub(crate) fn changed(&self) -> Vec<Entity> {
+        let mut all = [&self.altered[..], &self.touched].concat();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// Whether anything but places changed.
+    pub(crate) fn is_altered(&self) -> bool {
+        self.unknown || !self.altered.is_empty()
+    }
+}
+
+#[derive(SystemParam)]
+pub(super) struct MeshReader<'w, 's> {
+    columns: Query<'w, 's, Columns, With<Mesh3d>>,
+    // Their level of detail depends on where cameras are.
+    ranged: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>)>,
+    meshes: RemovedComponents<'w, 's, Mesh3d>,
+    without_material: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
+    shadowed: RemovedComponents<'w, 's, NotShadowCaster>,
+    unskinned: RemovedComponents<'w, 's, SkinnedMesh>,
+    on_all_layers: RemovedComponents<'w, 's, RenderLayers>,
+    unranged: RemovedComponents<'w, 's, VisibilityRange>,
+    culled: RemovedComponents<'w, 's, NoFrustumCulling>,
+    materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
+    with_material: Query<'w, 's, (Entity, &'static MeshMaterial3d<StandardMaterial>)>,
+    bind_poses: Option<MessageReader<'w, 's, AssetEvent<SkinnedMeshInverseBindposes>>>,
+    morphed: Query<'w, 's, (Entity, &'static MeshMorphWeights), With<Mesh3d>>,
+    weights: Query<'w, 's, (), Changed<MorphWeights>>,
+}
+
+impl MeshReader<'_, '_> {
+    /// Reads everything, so that no change counts twice.
+    fn read(&mut self, changes: &mut MeshChanges) {
+        let MeshChanges { unknown, altered, moved, touched, gone } = changes;
+        for list in [&mut *altered, touched, gone] {
+            list.clear();
+        }
+        moved.clear();
+        *unknown = self.bind_poses.as_mut().map_or(0, |events| events.read().count()) > 0;
+        let is_scanned = scan(&self.columns, |mesh| {
+            touched.push(mesh.entity);
+            if mesh.has(ChangeKind::Kind) {
+                altered.push(mesh.entity);
+            }
+            if mesh.has(ChangeKind::Place)
+                && !mesh.is_skinned
+                && let Some(transform) = mesh.transform
+            {
+                moved.push((mesh.entity, transform.affine()));
+            }
+        });
+        *unknown |= !is_scanned;
+        // Weights that another entity holds for several meshes.
+        touched.extend(self.morphed.iter().filter_map(|(mesh, weights)| match weights {
+            MeshMorphWeights::Reference(holder) => self.weights.contains(*holder).then_some(mesh),
+            MeshMorphWeights::Value { .. } => None,
+        }));
+        gone.extend(self.meshes.read());
+        altered.extend_from_slice(gone);
+        let lost = touched.len();
+        touched.extend(self.without_material.read());
+        touched.extend(self.shadowed.read());
+        touched.extend(self.unskinned.read());
+        touched.extend(self.on_all_layers.read());
+        touched.extend(self.unranged.read());
+        touched.extend(self.culled.read());
+        altered.extend_from_slice(&touched[lost..]);
+        altered.extend(&self.ranged);
+        let events = self.materials.iter_mut().flat_map(MessageReader::read);
+        let materials: HashSet<_> = events.filter_map(changed_asset).collect();
+        if !materials.is_empty() {
+            let uses = self.with_material.iter();
+            let uses = uses.filter(|(_, material)| materials.contains(&material.id()));
+            altered.extend(uses.map(|(entity, _)| entity));
+        }
+    }
+}
+
+/// The asset that an event says was added, changed or removed.
+pub(super) fn changed_asset<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
+    match event {
+        AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => {
+            Some(*id)
+        }
+        AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => None,
+    }
+}
+
+/// Notes what changed. In a frame in which it does not run, changes are kept for the next one.
+pub(super) fn note_changes(mut changes: ResMut<MeshChanges>, mut reader: MeshReader) {
+    reader.read(&mut changes);
 }

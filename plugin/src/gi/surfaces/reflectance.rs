@@ -1,6 +1,6 @@
 //! Reflectance of surfaces, as far as the main world can read it.
 
-use bevy::asset::AssetId;
+use bevy::asset::{AssetId, Handle};
 use bevy::color::{ColorToComponents, LinearRgba};
 use bevy::image::Image;
 use bevy::log::warn_once;
@@ -11,31 +11,30 @@ use bevy::pbr::StandardMaterial;
 
 use super::copies::SurfaceAssets;
 use super::cutout::{Cutout, Mask};
-use super::mesh::{Sides, vertex_colors};
+use super::mesh::{MeshTexture, Sides, TextureUse, vertex_colors};
 use super::points::interpolated;
-use super::texture::{MeshTexture, TextureUse};
 
 /// Whether a material lets no light through except in its mask's holes.
 pub(in crate::gi) fn occludes(material: &StandardMaterial) -> bool {
+    is_solid(material) && material.diffuse_transmission <= 0.0
+}
+
+/// Whether a material neither blends nor refracts.
+fn is_solid(material: &StandardMaterial) -> bool {
     matches!(
         material.alpha_mode,
         AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
     ) && material.specular_transmission <= 0.0
-        && material.diffuse_transmission <= 0.0
 }
 
 /// Whether a material is rendered into the G-buffer.
 pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
-    let is_opaque = matches!(
-        material.alpha_mode,
-        AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
-    );
-    let method = match material.opaque_render_method {
+    let is_meant = match material.opaque_render_method {
         // As Bevy decides; deferred is the app's default by `GiPlugin`.
         OpaqueRendererMethod::Auto => material.diffuse_transmission <= 0.0,
         method => method == OpaqueRendererMethod::Deferred,
     };
-    is_opaque && method && material.specular_transmission <= 0.0
+    is_meant && is_solid(material)
 }
 
 /// The reflectance of a material. A mesh reflects alike under equal reflectances.
@@ -69,10 +68,10 @@ impl Reflectance {
         if material.unlit || !occludes(material) || !is_deferred(material) {
             return None;
         }
-        let transform = material.uv_transform;
+        let texture = |image: &Option<Handle<Image>>, channel| {
+            Some(TextureUse::new(image.as_ref()?, channel, material.uv_transform))
+        };
         let [red, green, blue, _] = material.base_color.to_linear().to_f32_array();
-        let color = material.base_color_texture.as_ref();
-        let metallic_roughness = material.metallic_roughness_texture.as_ref();
         Some(Self {
             values: [
                 red,
@@ -83,11 +82,11 @@ impl Reflectance {
                 material.reflectance,
             ]
             .map(f32::to_bits),
-            color: color
-                .map(|image| TextureUse::new(image, &material.base_color_channel, transform)),
-            metallic_roughness: metallic_roughness.map(|image| {
-                TextureUse::new(image, &material.metallic_roughness_channel, transform)
-            }),
+            color: texture(&material.base_color_texture, &material.base_color_channel),
+            metallic_roughness: texture(
+                &material.metallic_roughness_texture,
+                &material.metallic_roughness_channel,
+            ),
             mask: Mask::new(material),
             sides: Sides::shown(material.cull_mode),
         })

@@ -119,14 +119,6 @@ struct CopyRequest {
     frames: u32,
 }
 
-/// Events of images, and the assets for requests.
-#[derive(SystemParam)]
-struct CopyAssets<'w, 's> {
-    events: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
-    images: Option<Res<'w, Assets<Image>>>,
-    buffers: Option<ResMut<'w, Assets<ShaderBuffer>>>,
-}
-
 pub(super) fn build(app: &mut App) {
     app.init_resource::<GiTextureCopies>()
         .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
@@ -138,12 +130,13 @@ pub(super) fn build(app: &mut App) {
 fn ask(
     mut copies: ResMut<GiTextureCopies>,
     mut requests: Query<&mut CopyRequest>,
-    mut assets: CopyAssets,
+    mut events: Option<MessageReader<AssetEvent<Image>>>,
+    (images, buffers): (Option<Res<Assets<Image>>>, Option<ResMut<Assets<ShaderBuffer>>>),
     mut commands: Commands,
 ) {
     let copies = &mut *copies;
     // A copy that cannot be had now may be later: an image that is replaced counts as changed.
-    for event in assets.events.iter_mut().flat_map(MessageReader::read) {
+    for event in events.iter_mut().flat_map(MessageReader::read) {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
             copies.forget(*id, &mut commands);
         }
@@ -161,7 +154,7 @@ fn ask(
     // The same order in every run. The others are asked for again.
     wanted.sort_unstable();
     wanted.truncate(MAX_REQUESTS.saturating_sub(copies.requested.len()));
-    let (Some(images), Some(buffers)) = (assets.images, assets.buffers.as_mut()) else { return };
+    let (Some(images), Some(mut buffers)) = (images, buffers) else { return };
     for id in wanted {
         let Some(image) = images.get(id) else { continue };
         if !is_sampled(image) {
@@ -204,23 +197,18 @@ fn receive(
     }
     // Of a request that is still meant: its image did not change.
     if copies.requested.remove(&request.image).is_some() {
-        let copy = copied(request.size, read.data[..texels].to_vec());
+        let UVec2 { x: width, y: height } = request.size;
+        // Linear, whatever the texture's colour space: the GPU has converted it.
+        let copy = Image::new(
+            Extent3d { width, height, depth_or_array_layers: 1 },
+            TextureDimension::D2,
+            read.data[..texels].to_vec(),
+            TextureFormat::Rgba16Float,
+            RenderAssetUsages::MAIN_WORLD,
+        );
         copies.copies.insert(request.image, Some(copy));
     }
     commands.entity(read.entity).despawn();
-}
-
-/// An image for the CPU alone.
-fn copied(size: UVec2, texels: Vec<u8>) -> Image {
-    let size = Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
-    // Linear, whatever the texture's colour space: the GPU has converted it.
-    Image::new(
-        size,
-        TextureDimension::D2,
-        texels,
-        TextureFormat::Rgba16Float,
-        RenderAssetUsages::MAIN_WORLD,
-    )
 }
 
 /// For systems that read surfaces in the main world.
