@@ -176,7 +176,7 @@ fn rows_of(
                 && map.layers.intersects(layers)
         })
         .collect();
-    serving.sort_by_key(|(view, _)| view.key());
+    serving.sort_by_key(|(view, _)| **view);
     let mut rows = Vec::new();
     for (_, LightMap { light, cut, share, .. }) in serving {
         let side = light.resolution;

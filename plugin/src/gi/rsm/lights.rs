@@ -1,7 +1,7 @@
 //! The lights that bounce, and their data for the shader.
 
 use bevy::camera::primitives::{Frustum, Sphere};
-use bevy::camera::visibility::RenderLayers;
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::color::{Color, ColorToComponents};
 use bevy::ecs::prelude::*;
 use bevy::light::{DirectionalLight, PointLight, SpotLight, SunDisk};
@@ -68,8 +68,9 @@ pub(super) struct BouncingLight {
     pub disk: f32,
 }
 
-/// A light's entity, component, place and render layers.
-pub(super) type Placed<'a, L> = (Entity, &'a L, &'a GlobalTransform, Option<&'a RenderLayers>);
+/// A light's entity, component, place, render layers and visibility.
+pub(super) type Placed<'a, L> =
+    (Entity, &'a L, &'a GlobalTransform, Option<&'a RenderLayers>, &'a InheritedVisibility);
 
 /// Factor of the importance of a light that reaches nothing in view: its light comes from there only
 /// by a further reflection.
@@ -81,7 +82,7 @@ const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
 
 impl BouncingLight {
     pub(crate) fn directional(
-        (entity, light, at, layers): Placed<DirectionalLight>,
+        (entity, light, at, layers, visible): Placed<DirectionalLight>,
         disk: Option<&SunDisk>,
     ) -> Option<Self> {
         let intensity = linear(light.color) * light.illuminance;
@@ -90,24 +91,24 @@ impl BouncingLight {
             position: Vec3::ZERO,
             ..Self::new((entity, at, layers), LightShape::Directional, intensity, f32::INFINITY)
         }
-        .if_valid()
+        .if_valid(visible)
     }
 
-    pub(crate) fn spot((entity, light, at, layers): Placed<SpotLight>) -> Option<Self> {
+    pub(crate) fn spot((entity, light, at, layers, visible): Placed<SpotLight>) -> Option<Self> {
         // As Bevy clamps it.
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
         let shape = LightShape::Spot { inner: light.inner_angle.min(outer), outer };
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self::new((entity, at, layers), shape, intensity, light.range).if_valid()
+        Self::new((entity, at, layers), shape, intensity, light.range).if_valid(visible)
     }
 
-    pub(crate) fn point((entity, light, at, layers): Placed<PointLight>) -> Option<Self> {
+    pub(crate) fn point((entity, light, at, layers, visible): Placed<PointLight>) -> Option<Self> {
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
         Self {
             rotation: Quat::IDENTITY,
             ..Self::new((entity, at, layers), LightShape::Point, intensity, light.range)
         }
-        .if_valid()
+        .if_valid(visible)
     }
 
     fn new(
@@ -121,14 +122,14 @@ impl BouncingLight {
         Self { entity, layers, shape, intensity, position, rotation, range, disk: 0.0 }
     }
 
-    /// `None` for a light of zero, negative or non-finite intensity or of a non-finite pose: it
+    /// `None` for a hidden light, and one of zero, negative or non-finite intensity or of a non-finite pose: it
     /// costs nothing.
-    fn if_valid(self) -> Option<Self> {
+    fn if_valid(self, visible: &InheritedVisibility) -> Option<Self> {
         let lit = self.intensity.is_finite()
             && self.intensity.min_element() >= 0.0
             && self.intensity.max_element() > 0.0;
         let has_pose = self.position.is_finite() && self.rotation.is_finite() && self.range > 0.0;
-        (lit && has_pose).then_some(self)
+        (visible.get() && lit && has_pose).then_some(self)
     }
 
     /// Illuminance in lux at a camera, by which lights are ranked when there are too many: what it
@@ -190,7 +191,8 @@ mod tests {
         let entity = Entity::PLACEHOLDER;
         let is_lit = |light: &PointLight, at: Vec3| {
             let at = GlobalTransform::from_translation(at);
-            BouncingLight::point((entity, light, &at, None)).is_some()
+            let visible = InheritedVisibility::VISIBLE;
+            BouncingLight::point((entity, light, &at, None, &visible)).is_some()
         };
         let point = |intensity| is_lit(&PointLight { intensity, ..Default::default() }, Vec3::ZERO);
         assert_eq!(
@@ -205,8 +207,11 @@ mod tests {
     fn a_spot_is_full_inside_and_dark_outside_its_cone() {
         let light = SpotLight { inner_angle: 0.3, outer_angle: 0.6, ..Default::default() };
         let at = GlobalTransform::IDENTITY;
-        let light = BouncingLight::spot((Entity::PLACEHOLDER, &light, &at, None));
-        let light = light.expect("a lit spot");
+        let spot = |visible: InheritedVisibility| {
+            BouncingLight::spot((Entity::PLACEHOLDER, &light, &at, None, &visible))
+        };
+        assert!(spot(InheritedVisibility::HIDDEN).is_none());
+        let light = spot(InheritedVisibility::VISIBLE).expect("a lit spot");
         let (scale, offset) = light.cone();
         let attenuation = |angle: f32| (angle.cos() * scale + offset).clamp(0.0, 1.0).powi(2);
         assert!((attenuation(0.3) - 1.0).abs() < 1e-5 && attenuation(0.6) < 1e-5);

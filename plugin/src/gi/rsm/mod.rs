@@ -13,13 +13,13 @@
 //! |---|---|---|
 //! | `lights`, `air` | main | the lights that bounce, and their attenuation by the atmosphere |
 //! | `focus`, `region` | none | the part of the scene that maps of directional lights cover |
-//! | `selection`, `slots` | main | which lights have maps, and where their texels lie |
+//! | `selection` | main | which lights have maps |
 //! | `specs` | main | the maps that should exist |
-//! | `map` | both | a map's data |
+//! | `map` | both | a map's data, and where its texels lie |
 //! | `views` | main | keeps a hidden camera for each map |
-//! | `changes`, `extent` | main | where the scene changed, and what a map can show |
-//! | `queue`, `refresh` | main | which maps are rendered in a frame |
-//! | `drawn`, `scene_box` | main | which meshes a map draws; the box around all |
+//! | `changes`, `extent` | main | where the scene changed, what a map can show, the box around all |
+//! | `refresh` | main | which maps are rendered in a frame |
+//! | `drawn` | main | which meshes a map draws |
 //! | `resolve` | render | turns a map's G-buffer into texels |
 
 mod air;
@@ -29,13 +29,10 @@ mod extent;
 mod focus;
 mod lights;
 mod map;
-mod queue;
 mod refresh;
 mod region;
 mod resolve;
-mod scene_box;
 mod selection;
-mod slots;
 mod specs;
 mod views;
 
@@ -59,10 +56,10 @@ impl Plugin for RsmPlugin {
     fn build(&self, app: &mut App) {
         embedded_asset!(app, "resolve.wgsl");
         app.register_type::<RsmView>()
-            .init_resource::<scene_box::SceneBox>()
+            .init_resource::<extent::SceneBox>()
             .init_resource::<views::MapsReweighted>()
             .init_resource::<selection::LightSelection>()
-            .init_resource::<slots::MapSlots>()
+            .init_resource::<map::MapSlots>()
             .add_plugins((
                 ExtractComponentPlugin::<LightMap>::default(),
                 UniformComponentPlugin::<RsmLight>::default(),
@@ -70,7 +67,7 @@ impl Plugin for RsmPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (scene_box::update_scene_box.run_if(scene_box::is_touched), views::maintain)
+                    (extent::update_scene_box.run_if(extent::is_touched), views::maintain)
                         .chain()
                         .in_set(SceneSystems::Maps),
                     refresh::decide.in_set(SceneSystems::Refresh),

@@ -43,21 +43,16 @@ pub(super) fn cover(
     range: f32,
     texels: u32,
 ) -> LightRegion {
-    let world_from_light = rotation;
     let light_from_world = rotation.transpose();
     let half = 0.5 * (scene.1 - scene.0);
     let center = light_from_world * (0.5 * (scene.0 + scene.1));
-    let spread = Mat3::from_cols(
-        light_from_world.x_axis.abs(),
-        light_from_world.y_axis.abs(),
-        light_from_world.z_axis.abs(),
-    ) * half;
+    let spread = light_from_world.abs() * half;
     let eye = light_from_world * camera;
     let range = if range.is_finite() && range > 0.0 { range } else { f32::MAX };
 
     let axis = |center: f32, spread: f32, eye: f32| -> (f32, f32, f32) {
         if spread <= range || !eye.is_finite() {
-            let step = power_of_two_above(spread.max(1e-3)) / 8.0;
+            let step = spread.max(1e-3).log2().ceil().exp2() / 8.0;
             let low = ((center - spread) / step).floor() * step;
             let high = ((center + spread) / step).ceil() * step;
             (0.5 * (low + high), (high - low).max(step), 0.0)
@@ -72,7 +67,7 @@ pub(super) fn cover(
     let margin = 0.01 * spread.z + 0.01;
     let near = center.z + spread.z + margin;
     LightRegion {
-        origin: world_from_light * Vec3::new(x, y, near),
+        origin: rotation * Vec3::new(x, y, near),
         size: Vec2::new(width, height),
         depth: 2.0 * (spread.z + margin),
         fade: Vec2::new(fade_x, fade_y),
@@ -108,27 +103,16 @@ pub(super) fn near(
     let (bottom, height) = axis(center.y, far.size.y, eye.y)?;
     let texel = far.size / texels as f32;
     let low = center.truncate() - 0.5 * far.size;
-    let middle = low
-        + texel
-            * (Vec2::new(left as f32, bottom as f32)
-                + 0.5 * Vec2::new(width as f32, height as f32));
+    let texels_across = Vec2::new(width as f32, height as f32);
+    let middle = low + texel * (Vec2::new(left as f32, bottom as f32) + 0.5 * texels_across);
     let region = LightRegion {
         origin: rotation * middle.extend(center.z),
-        size: texel * Vec2::new(width as f32, height as f32),
+        size: texel * texels_across,
         depth: far.depth,
         fade: Vec2::ZERO,
     };
-    Some((
-        region,
-        CascadeCut {
-            columns: [left, left + width],
-            rows: [texels - bottom - height, texels - bottom],
-        },
-    ))
-}
-
-fn power_of_two_above(value: f32) -> f32 {
-    value.log2().ceil().exp2()
+    let rows = [texels - bottom - height, texels - bottom];
+    Some((region, CascadeCut { columns: [left, left + width], rows }))
 }
 
 #[cfg(test)]

@@ -11,10 +11,9 @@ use bevy::transform::components::Transform;
 use super::air::Air;
 use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
-use super::map::{LightMap, MapAge, MapSpec, RsmView};
+use super::map::{LightMap, MapAge, MapCapacity, MapSpec, RsmView};
 use super::region::{LightRegion, cover, near};
 use super::selection::{Candidate, LightSelection};
-use super::slots::MapCapacity;
 use crate::gi::settings::GiShading;
 use crate::gi::texels::CascadeCut;
 
@@ -70,11 +69,10 @@ pub(super) fn choose(
     });
     let mut specs = Vec::new();
     for (light, share) in chosen {
-        let maps = maps.remove(&light).unwrap_or_default();
-        specs.extend(maps.into_iter().map(|mut spec| {
+        for mut spec in maps.remove(&light).unwrap_or_default() {
             spec.map.share = share;
-            spec
-        }));
+            specs.push(spec);
+        }
     }
     specs
 }
@@ -90,7 +88,8 @@ fn parallel_maps(
     scene: (Vec3, Vec3),
 ) -> Vec<MapSpec> {
     let rotation = Mat3::from_quat(light.rotation);
-    let shared = shared_resolution(viewer.resolution);
+    // Of each of two cascades that replace one map.
+    let shared = (viewer.resolution * 11 / 16).next_multiple_of(4);
     let Focus { position, range } = viewer.focus;
     let far = cover(scene, rotation, position, range, shared);
     let (resolution, maps) = match near(&far, rotation, position, range, shared) {
@@ -104,11 +103,6 @@ fn parallel_maps(
         parallel_map(light, importance, viewer, (face, resolution), region, cut)
     };
     (0..).zip(maps).map(map).collect()
-}
-
-/// Texels along the side of each of two cascades that replace one map of `resolution`.
-fn shared_resolution(resolution: u32) -> u32 {
-    (resolution * 11 / 16).next_multiple_of(4)
 }
 
 fn parallel_map(

@@ -2,11 +2,8 @@
 //! cameras change. [`specs`](super::specs) says which maps should exist.
 
 use bevy::camera::primitives::Frustum;
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
-use bevy::camera::{
-    Camera, Camera3d, OrthographicProjection, Projection, RenderTarget, RenderTargetInfo,
-    ScalingMode,
-};
+use bevy::camera::visibility::RenderLayers;
+use bevy::camera::{Camera, Camera3d, Projection, RenderTarget, RenderTargetInfo};
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
@@ -23,13 +20,13 @@ use bevy::transform::components::{GlobalTransform, Transform};
 
 use super::air::Atmospheres;
 use super::drawn::MapMeshes;
+use super::extent::SceneBox;
 use super::focus::Focus;
 use super::lights::{BouncingLight, Placed};
-use super::map::{LightMap, MapAge, MapSpec, RsmView};
-use super::scene_box::SceneBox;
+use super::map::{LightMap, MapAge, MapCapacity, MapSlots, MapSpec, RsmView};
 use super::selection::LightSelection;
-use super::slots::{MapCapacity, MapSlots};
 use super::specs::{Viewer, choose};
+use crate::gi::compute::limits_of;
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::view::{CameraCut, LightPresence};
 
@@ -37,27 +34,6 @@ use crate::gi::view::{CameraCut, LightPresence};
 /// differently.
 #[derive(Resource, Default)]
 pub(super) struct MapsReweighted(pub bool);
-
-type Lit<L> = (
-    Entity,
-    &'static L,
-    &'static GlobalTransform,
-    Option<&'static RenderLayers>,
-    &'static InheritedVisibility,
-);
-
-/// A light, if it is visible.
-fn shown<'a, L>(
-    (entity, light, at, layers, visible): (
-        Entity,
-        &'a L,
-        &'a GlobalTransform,
-        Option<&'a RenderLayers>,
-        &InheritedVisibility,
-    ),
-) -> Option<Placed<'a, L>> {
-    visible.get().then_some((entity, light, at, layers))
-}
 
 pub(super) fn maintain(
     mut commands: Commands,
@@ -74,9 +50,9 @@ pub(super) fn maintain(
         (Entity, &Camera, &Projection, &FrugalGi, Option<&RenderLayers>, &GlobalTransform),
         Without<RsmView>,
     >,
-    suns: Query<(Lit<DirectionalLight>, Option<&SunDisk>), Without<RsmView>>,
-    spots: Query<Lit<SpotLight>, Without<RsmView>>,
-    points: Query<Lit<PointLight>, Without<RsmView>>,
+    suns: Query<(Placed<DirectionalLight>, Option<&SunDisk>), Without<RsmView>>,
+    spots: Query<Placed<SpotLight>, Without<RsmView>>,
+    points: Query<Placed<PointLight>, Without<RsmView>>,
     mut maps: Query<Map, Without<FrugalGi>>,
 ) {
     let viewers: Vec<Viewer> = cameras
@@ -103,14 +79,12 @@ pub(super) fn maintain(
     if !cuts.is_empty() {
         selection.forget();
     }
-    let capacity = MapCapacity::new(device.as_deref());
-    let most_texels = capacity.texels();
+    let capacity = MapCapacity::new(&limits_of(device.as_deref()));
     let mut specs = Vec::new();
     if let (Some(scene), false) = (scene.0, viewers.is_empty()) {
-        let suns =
-            suns.iter().filter_map(|(light, disk)| BouncingLight::directional(shown(light)?, disk));
-        let spots = spots.iter().filter_map(|light| BouncingLight::spot(shown(light)?));
-        let points = points.iter().filter_map(|light| BouncingLight::point(shown(light)?));
+        let suns = suns.iter().filter_map(|(light, disk)| BouncingLight::directional(light, disk));
+        let spots = spots.iter().filter_map(BouncingLight::spot);
+        let points = points.iter().filter_map(BouncingLight::point);
         let lights: Vec<BouncingLight> = suns.chain(spots).chain(points).collect();
         specs = choose(
             &lights,
@@ -121,7 +95,7 @@ pub(super) fn maintain(
             capacity,
         );
     }
-    slots.lay_out(&mut specs, most_texels);
+    slots.lay_out(&mut specs, capacity.texels);
     presence.maps = !specs.is_empty();
 
     let mut missing: HashMap<RsmView, MapSpec> =
@@ -160,7 +134,7 @@ pub(super) struct Map {
 
 impl MapItem<'_, '_> {
     /// Applies the differences from `spec`.
-    fn update(mut self, spec: MapSpec) {
+    fn update(mut self, mut spec: MapSpec) {
         // Until it is decided that the map is due.
         if self.camera.is_active {
             self.camera.is_active = false;
@@ -175,10 +149,12 @@ impl MapItem<'_, '_> {
             *self.target = RenderTarget::None { size };
         }
         // Bevy checks a target without texture only when the projection is marked as changed.
-        let reprojected = resized || !same_projection(&self.projection, &spec.projection);
+        spec.projection.update(size.x as f32, size.y as f32);
+        let lens = |projection: &Projection| (projection.get_clip_from_view(), projection.far());
+        let reprojected = resized || lens(&self.projection) != lens(&spec.projection);
         if reprojected {
             *self.projection = spec.projection;
-            measure(&mut self.camera, &mut self.projection, size);
+            measure(&mut self.camera, &self.projection, size);
         }
         let moved = self.transform.set_if_neq(spec.transform.into());
         self.drawn_layers.set_if_neq(spec.map.layers.clone());
@@ -202,26 +178,9 @@ impl MapItem<'_, '_> {
 }
 
 /// What Bevy has computed for this frame's other cameras already.
-fn measure(camera: &mut Camera, projection: &mut Projection, size: UVec2) {
-    projection.update(size.x as f32, size.y as f32);
+fn measure(camera: &mut Camera, projection: &Projection, size: UVec2) {
     camera.computed.target_info = Some(RenderTargetInfo { physical_size: size, scale_factor: 1.0 });
     camera.computed.clip_from_view = projection.get_clip_from_view();
-}
-
-fn same_projection(a: &Projection, b: &Projection) -> bool {
-    match (a, b) {
-        (Projection::Perspective(a), Projection::Perspective(b)) => {
-            (a.fov, a.near, a.far) == (b.fov, b.near, b.far)
-        }
-        (Projection::Orthographic(a), Projection::Orthographic(b)) => {
-            let size = |p: &OrthographicProjection| match p.scaling_mode {
-                ScalingMode::Fixed { width, height } => Some((width, height)),
-                _ => None,
-            };
-            size(a) == size(b) && (a.near, a.far) == (b.near, b.far)
-        }
-        _ => false,
-    }
 }
 
 fn spawn(commands: &mut Commands, mut spec: MapSpec) {
@@ -230,7 +189,8 @@ fn spawn(commands: &mut Commands, mut spec: MapSpec) {
     let order = spec.order();
     let size = UVec2::splat(spec.map.light.resolution);
     let mut camera = Camera { order, is_active: false, ..Default::default() };
-    measure(&mut camera, &mut spec.projection, size);
+    spec.projection.update(size.x as f32, size.y as f32);
+    measure(&mut camera, &spec.projection, size);
     let mut camera = commands.spawn((
         spec.view,
         // Meshes of these layers cast the light's shadows, and reflect its light.
