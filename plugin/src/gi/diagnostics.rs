@@ -63,7 +63,16 @@ impl Plugin for GiDiagnosticsPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        finish(app);
+        let shared = SharedCounts::default();
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .insert_resource(shared.clone())
+            .init_resource::<GiCounts>()
+            .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
+        for (path, suffix, _) in DIAGNOSTICS {
+            app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
+        }
+        app.insert_resource(shared).add_systems(PreUpdate, publish);
     }
 }
 
@@ -110,19 +119,6 @@ const DIAGNOSTICS: [Count; 10] = [
 #[derive(Resource, Clone, Debug, Default)]
 struct SharedCounts(Arc<Mutex<GiCounts>>);
 
-fn finish(app: &mut App) {
-    let shared = SharedCounts::default();
-    let Some(render_app) = supported_render_app(app) else { return };
-    render_app
-        .insert_resource(shared.clone())
-        .init_resource::<GiCounts>()
-        .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
-    for (path, suffix, _) in DIAGNOSTICS {
-        app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
-    }
-    app.insert_resource(shared).add_systems(PreUpdate, publish);
-}
-
 fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {
     let counts = *shared.0.lock().unwrap_or_else(PoisonError::into_inner);
     for (path, _, value) in &DIAGNOSTICS {
@@ -132,25 +128,11 @@ fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {
 
 /// Low-resolution pixels, or places of the image, that are gathered in this frame.
 fn gathered_pixels(view: &GiView) -> u64 {
-    let cells = view.cells().as_u64vec2();
     match view.work.gather {
         true if view.gi.caches() => cache::samples(view),
-        true => cells.x * cells.y,
+        true => view.cells().as_u64vec2().element_product(),
         false => 0,
     }
-}
-
-/// Pairs of low-resolution pixel and VPL, or sky sample, that are evaluated in this frame.
-fn pairs(view: &GiView, vpl: &VplView) -> u64 {
-    gathered_pixels(view) * u64::from(vpl.plan.per_set + view.sky_samples)
-}
-
-/// Upper bound of the rays that are traced from pixels in this frame.
-fn rays(view: &GiView, vpl: &VplView) -> u64 {
-    let visibility = view.gi.visibility;
-    let rays =
-        visibility.rays().min(vpl.plan.per_set) + visibility.sky_rays().min(view.sky_samples);
-    gathered_pixels(view) * u64::from(rays)
 }
 
 /// Counts the work of this frame, after its views are prepared.
@@ -186,8 +168,11 @@ fn count(
                 || view.work.gather && cache.is_some_and(CacheView::is_settling),
         );
         counts.vpls += vpl.sampled(view);
-        counts.pairs += pairs(view, vpl);
-        counts.rays += rays(view, vpl) + forward.map_or(0, |forward| forward.rays(view));
+        let (pixels, per_set) = (gathered_pixels(view), vpl.plan.per_set);
+        counts.pairs += pixels * u64::from(per_set + view.sky_samples);
+        let most = view.gi.visibility.rays();
+        counts.rays += pixels * u64::from(most.min(per_set) + most.min(view.sky_samples))
+            + forward.map_or(0, |forward| forward.rays(view));
         counts.bytes += vpl.bytes()
             + gather.bytes()
             + cache.map_or(0, CacheView::bytes)

@@ -24,6 +24,7 @@ use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
 use crate::gi::texels::{TEXEL_BYTES, TILE, TexelRow, TexelStore};
 use crate::gi::trace::{self, OccluderBuffers};
+use crate::gi::view::clip_from_world;
 use crate::gi::vpl::{
     self, IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, VPL_BYTES, VplPlan, VplView,
 };
@@ -151,61 +152,42 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
     let occluders = render_world
         .get_resource::<OccluderBuffers>()
         .and_then(|occluders| occluders.buffers().map(|buffers| buffers.map(Buffer::clone)));
-    let cameras = render_world
-        .try_query::<(
-            &MainEntity,
-            &VplView,
-            &GatherView,
-            Option<&BounceCamera>,
-            Option<&CacheView>,
-        )>()
-        .map_or_else(Vec::new, |mut cameras| {
-            cameras.iter(render_world).map(camera_state).collect()
-        });
-    let skies = render_world
-        .try_query::<&SkyCamera>()
-        .map_or(0, |mut skies| skies.iter(render_world).count());
-    GiGpuState { texels, occluders, maps: maps(render_world), cameras, skies }
-}
-
-fn camera_state(
-    (main, vpl, gather, bounces, cache): (
+    let maps = render_world.try_query::<(&RsmView, &RsmLight, &ExtractedView)>();
+    let mut maps: Vec<GiMapState> = maps.map_or_else(Vec::new, |mut maps| {
+        let state = |(view, light, extracted): (&RsmView, &RsmLight, &ExtractedView)| GiMapState {
+            view: *view,
+            clip_from_world: clip_from_world(extracted),
+            resolution: light.resolution,
+            texel_offset: light.texel_offset,
+            light_position: light.position,
+        };
+        maps.iter(render_world).map(state).collect()
+    });
+    maps.sort_by_key(|map| map.texel_offset);
+    let cameras = render_world.try_query::<(
         &MainEntity,
         &VplView,
         &GatherView,
         Option<&BounceCamera>,
         Option<&CacheView>,
-    ),
-) -> GiCameraState {
-    GiCameraState {
-        camera: main.id(),
-        vpls: vpl.vpls.clone(),
-        sets: vpl.plan.sets,
-        per_set: vpl.plan.per_set,
-        irradiance: gather.irradiance.texture.clone(),
-        bounces: bounces.map(BounceCamera::state),
-        cache: cache.map(|cache| [cache.keys.clone(), cache.cells.clone()]),
-    }
-}
-
-fn maps(render_world: &World) -> Vec<GiMapState> {
-    let Some(mut maps) = render_world.try_query::<(&RsmView, &RsmLight, &ExtractedView)>() else {
-        return Vec::new();
-    };
-    let state = |(view, light, extracted): (&RsmView, &RsmLight, &ExtractedView)| {
-        let clip_from_world =
-            || extracted.clip_from_view * extracted.world_from_view.to_matrix().inverse();
-        GiMapState {
-            view: *view,
-            clip_from_world: extracted.clip_from_world.unwrap_or_else(clip_from_world),
-            resolution: light.resolution,
-            texel_offset: light.texel_offset,
-            light_position: light.position,
-        }
-    };
-    let mut maps: Vec<_> = maps.iter(render_world).map(state).collect();
-    maps.sort_by_key(|map| map.texel_offset);
-    maps
+    )>();
+    let cameras = cameras.map_or_else(Vec::new, |mut cameras| {
+        let cameras = cameras.iter(render_world);
+        let states = cameras.map(|(main, vpl, gather, bounces, cache)| GiCameraState {
+            camera: main.id(),
+            vpls: vpl.vpls.clone(),
+            sets: vpl.plan.sets,
+            per_set: vpl.plan.per_set,
+            irradiance: gather.irradiance.texture.clone(),
+            bounces: bounces.map(BounceCamera::state),
+            cache: cache.map(|cache| [cache.keys.clone(), cache.cells.clone()]),
+        });
+        states.collect()
+    });
+    let skies = render_world
+        .try_query::<&SkyCamera>()
+        .map_or(0, |mut skies| skies.iter(render_world).count());
+    GiGpuState { texels, occluders, maps, cameras, skies }
 }
 
 /// A pass of global illumination, or several that one system encodes.

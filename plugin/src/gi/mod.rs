@@ -176,22 +176,17 @@ impl Plugin for GiPlugin {
 /// Names of the limits that GI needs and that the device does not reach.
 fn lacking_limits(limits: &WgpuLimits) -> Vec<&'static str> {
     let needed = GiPlugin::required_limits();
-    let lacks = |limit: fn(&WgpuLimits) -> u64| limit(limits) < limit(&needed);
-    [
+    let named: [(fn(&WgpuLimits) -> u64, &str); 4] = [
+        (|limits| limits.max_compute_invocations_per_workgroup.into(), "compute workgroups of 64"),
         (
-            lacks(|limits| limits.max_compute_invocations_per_workgroup.into()),
-            "compute workgroups of 64",
-        ),
-        (
-            lacks(|limits| limits.max_storage_buffers_per_shader_stage.into()),
+            |limits| limits.max_storage_buffers_per_shader_stage.into(),
             "8 storage buffers per stage",
         ),
-        (lacks(|limits| limits.max_storage_textures_per_shader_stage.into()), "storage textures"),
-        (lacks(|limits| limits.max_uniform_buffer_binding_size), "uniform buffers of 24 KiB"),
-    ]
-    .into_iter()
-    .filter_map(|(lacks, name)| lacks.then_some(name))
-    .collect()
+        (|limits| limits.max_storage_textures_per_shader_stage.into(), "storage textures"),
+        (|limits| limits.max_uniform_buffer_binding_size, "uniform buffers of 24 KiB"),
+    ];
+    let lacking = named.into_iter().filter(|(limit, _)| limit(limits) < limit(&needed));
+    lacking.map(|(_, name)| name).collect()
 }
 
 /// Keeps Bevy 0.19.1 from drawing deferred alpha-masked meshes twice.

@@ -107,7 +107,7 @@ pub(super) fn configure_main_world(app: &mut App) {
     app.configure_sets(
         PostUpdate,
         (
-            SceneSystems::Changes.run_if(is_not_off),
+            SceneSystems::Changes,
             // Cameras, lights and meshes are where this frame shows them, whoever propagates their
             // transforms; nothing was made yet for the maps' cameras.
             SceneSystems::Maps
@@ -116,26 +116,16 @@ pub(super) fn configure_main_world(app: &mut App) {
                 .after(TransformSystems::Propagate)
                 .after(SceneSystems::Changes)
                 .before(VisibilitySystems::UpdateFrusta)
-                .before(SimulationLightSystems::UpdateDirectionalLightCascades)
-                .run_if(is_not_off),
+                .before(SimulationLightSystems::UpdateDirectionalLightCascades),
             // Bevy leaves out the cameras of maps, which are not active yet: they keep lists of
             // their own.
-            SceneSystems::Refresh
-                .after(SceneSystems::Maps)
-                .after(check_visibility_cpu_culling)
-                .run_if(is_not_off),
-            SceneSystems::Drawn.after(SceneSystems::Refresh).run_if(is_not_off),
-            SceneSystems::Emissive
-                .after(KnobSystems::Apply)
-                .after(SceneSystems::Refresh)
-                .run_if(is_not_off),
+            SceneSystems::Refresh.after(SceneSystems::Maps).after(check_visibility_cpu_culling),
+            SceneSystems::Drawn.after(SceneSystems::Refresh),
+            SceneSystems::Emissive.after(SceneSystems::Refresh),
             // Read whether there is light.
-            SceneSystems::Surfaces
-                .after(KnobSystems::Apply)
-                .after(SceneSystems::Maps)
-                .after(SceneSystems::Emissive)
-                .run_if(is_not_off),
-        ),
+            SceneSystems::Surfaces.after(SceneSystems::Emissive),
+        )
+            .distributive_run_if(is_not_off),
     );
 }
 

@@ -226,14 +226,14 @@ impl GiPixelFraction {
 #[non_exhaustive]
 pub enum GiInterleave {
     /// Each of 8 × 8 pixels evaluates a 64th of the VPLs.
-    Eight,
+    Eight = 8,
     /// Each of 4 × 4 pixels evaluates a 16th.
     #[default]
-    Four,
+    Four = 4,
     /// Each of 2 × 2 pixels evaluates a quarter.
-    Two,
+    Two = 2,
     /// Every pixel evaluates all.
-    One,
+    One = 1,
 }
 
 impl GiInterleave {
@@ -242,12 +242,7 @@ impl GiInterleave {
 
     /// Pixels along the side of the square.
     pub const fn side(self) -> u32 {
-        match self {
-            Self::Eight => 8,
-            Self::Four => 4,
-            Self::Two => 2,
-            Self::One => 1,
-        }
+        self as u32
     }
 }
 
@@ -287,11 +282,7 @@ impl GiVisibility {
 
     /// Rays to the sky per low-resolution pixel (`Cached`: sampled pixel), where it is gathered.
     pub const fn sky_rays(self) -> u32 {
-        match self {
-            Self::None => 0,
-            Self::Cached | Self::Coarse => 2,
-            Self::Fine => 8,
-        }
+        self.rays()
     }
 }
 

@@ -4,13 +4,11 @@
 //! |---|---|---|
 //! | `frame` | both | the work of a frame, from the changes of the scene |
 //! | `work` | render | the work of a camera in a frame |
-//! | `light` | both | whether there is light to gather; a camera's environment map |
-//! | `shown` | main | which meshes GI cameras show |
+//! | `shown` | both | what lights GI cameras, and which meshes they show |
 //! | `noise.wgsl` | | noise of low-resolution pixels, luminance |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
 mod frame;
-mod light;
 mod shown;
 mod work;
 
@@ -19,19 +17,20 @@ use std::sync::Arc;
 use bevy::app::{App, Plugin};
 use bevy::ecs::prelude::*;
 use bevy::math::{DMat4, DVec3, Mat4, UVec2, Vec3};
+use bevy::render::ExtractSchedule;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::view::ExtractedView;
 use bevy::shader::load_shader_library;
 
+use super::schedule::supported_render_app;
 use super::settings::{FrugalGi, GiPixelFraction};
 use super::texels::{TexelRow, same_layout};
 pub use crate::cut::CameraCut;
 use crate::cut::Jumps;
 pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, MapChanges};
-pub(super) use light::{LightPresence, SkySource};
-pub(super) use shown::{GiCameras, MeshVisibility, VisibilityFilter};
+pub(super) use shown::{GiCameras, LightPresence, MeshVisibility, SkySource, VisibilityFilter};
 pub(super) use work::{HistoryAction, Work};
 
 pub(super) struct ViewPlugin;
@@ -53,7 +52,9 @@ impl Plugin for ViewPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        light::finish(app);
+        if let Some(render_app) = supported_render_app(app) {
+            render_app.add_systems(ExtractSchedule, shown::extract_environments);
+        }
     }
 }
 
@@ -108,6 +109,12 @@ pub(super) enum BufferReuse {
     Empty,
 }
 
+/// The whole projection of a view.
+pub(super) fn clip_from_world(view: &ExtractedView) -> Mat4 {
+    view.clip_from_world
+        .unwrap_or_else(|| view.clip_from_view * view.world_from_view.to_matrix().inverse())
+}
+
 /// Pose, projection and pixels of a gather.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GatherCamera {
@@ -128,11 +135,8 @@ impl GatherCamera {
         size: UVec2,
         fraction: GiPixelFraction,
     ) -> Self {
-        let world_from_view = view.world_from_view.to_matrix();
         Self {
-            clip_from_world: view
-                .clip_from_world
-                .unwrap_or_else(|| view.clip_from_view * world_from_view.inverse()),
+            clip_from_world: clip_from_world(view),
             eye: view.world_from_view.translation(),
             forward: view.world_from_view.forward().into(),
             exposure: camera.exposure,
