@@ -75,8 +75,8 @@ impl GiEmitters {
     }
 
     /// All texels, in the order of the store.
-    pub(super) fn texels(&self) -> impl Iterator<Item = &Arc<Vec<Texel>>> {
-        self.sets.iter().map(|set| &set.texels)
+    pub(super) fn texels(&self) -> impl Iterator<Item = &[Texel]> {
+        self.sets.iter().map(|set| set.texels.as_slice())
     }
 
     /// Adds the rows of emissive texels for a camera of `exposure` to those of its maps. `first`:

@@ -11,8 +11,6 @@ mod emission;
 mod emitters;
 mod surface;
 
-use std::sync::Arc;
-
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::VisibilitySystems;
@@ -24,7 +22,7 @@ use bevy::render::renderer::RenderQueue;
 use bevy::transform::TransformSystems;
 
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
-use super::texels::{TEXEL_BYTES, Texel, TexelRange, TexelStore};
+use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 pub use emitters::GiEmitters;
 
 pub(super) struct EmissivePlugin;
@@ -56,16 +54,14 @@ impl Plugin for EmissivePlugin {
     }
 }
 
-/// The last upload: the buffer, the index of the first texel, and the texels.
-type Uploaded = (BufferId, u32, Vec<Arc<Vec<Texel>>>);
-
 fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) {
     store.reserve(TexelRange::Emissive, emitters.texel_count());
 }
 
 /// Uploads the texels of emissive surfaces into the store when they changed or the store did.
+/// `uploaded`: the buffer that holds them, and the index of the first one.
 fn upload(
-    mut uploaded: Local<Option<Uploaded>>,
+    mut uploaded: Local<Option<(BufferId, u32)>>,
     mut store: ResMut<TexelStore>,
     emitters: Res<GiEmitters>,
     queue: Res<RenderQueue>,
@@ -75,23 +71,15 @@ fn upload(
         return;
     };
     let first = store.first(TexelRange::Emissive);
-    let is_same = |(id, old_first, sets): &Uploaded| {
-        *id == buffer.id()
-            && *old_first == first
-            && sets.len() == emitters.texels().count()
-            && sets.iter().zip(emitters.texels()).all(|(old, new)| Arc::ptr_eq(old, new))
-    };
-    if uploaded.as_ref().is_some_and(is_same) {
+    let now = Some((buffer.id(), first));
+    if std::mem::replace(&mut *uploaded, now) == now && !emitters.is_changed() {
         return;
     }
     let mut offset = u64::from(first) * TEXEL_BYTES;
-    for texels in emitters.texels() {
+    for texels in emitters.texels().filter(|texels| !texels.is_empty()) {
         let bytes: &[u8] = bytemuck::cast_slice(texels);
-        if !bytes.is_empty() {
-            queue.write_buffer(&buffer, offset, bytes);
-            store.uploaded += bytes.len() as u64;
-        }
+        queue.write_buffer(&buffer, offset, bytes);
+        store.uploaded += bytes.len() as u64;
         offset += bytes.len() as u64;
     }
-    *uploaded = Some((buffer.id(), first, emitters.texels().map(Arc::clone).collect()));
 }

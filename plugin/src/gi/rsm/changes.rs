@@ -125,16 +125,13 @@ impl AssetReader<'_, '_> {
     /// Whether any material has a texture among `images`.
     fn uses_any(&self, images: &HashSet<AssetId<Image>>) -> bool {
         let Some(materials) = &self.all_materials else { return true };
-        let mut found = false;
-        for (_, material) in materials.iter() {
+        materials.iter().any(|(_, material)| {
+            let mut found = false;
             material.visit_dependencies(&mut |id| {
                 found |= id.try_typed().is_ok_and(|id| images.contains(&id));
             });
-            if found {
-                break;
-            }
-        }
-        found
+            found
+        })
     }
 }
 

@@ -19,7 +19,7 @@ pub(in crate::gi) struct RsmLight {
     pub texel_area_or_solid_angle: f32,
     /// World space, metres.
     pub position: Vec3,
-    /// 1/m².
+    /// 1/m²; 0 where the range is infinite.
     pub inverse_range_squared: f32,
     /// World space, unit length.
     pub direction: Vec3,
@@ -145,11 +145,6 @@ impl BouncingLight {
         share * brightest / self.position.distance_squared(camera).max(1.0)
     }
 
-    /// Number of its maps.
-    pub(crate) fn faces(&self) -> u8 {
-        if self.shape == LightShape::Point { 6 } else { 1 }
-    }
-
     /// Texels along the edge of each of its maps when a single one has `resolution`.
     pub(crate) fn resolution(&self, resolution: u32) -> u32 {
         // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
@@ -170,11 +165,6 @@ impl BouncingLight {
             }
             _ => (0.0, 1.0),
         }
-    }
-
-    /// 1/m²; 0 where the range is infinite.
-    pub(crate) fn inverse_range_squared(&self) -> f32 {
-        (self.range * self.range).recip()
     }
 }
 

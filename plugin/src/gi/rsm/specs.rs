@@ -51,13 +51,13 @@ pub(super) fn choose(
             .map(|viewer| light.importance(viewer.focus.position, &viewer.frustum))
             .max_by(f32::total_cmp);
         let Some(importance) = importance else { continue };
+        let perspective = |face| perspective_map(light, importance, face, finest, shading);
         let specs: Vec<MapSpec> = match light.shape {
             LightShape::Directional => {
                 lit().flat_map(|viewer| parallel_maps(light, importance, viewer, scene)).collect()
             }
-            _ => (0..light.faces())
-                .map(|face| perspective_map(light, importance, face, finest, shading))
-                .collect(),
+            LightShape::Spot { .. } => vec![perspective(0)],
+            LightShape::Point => (0..6).map(perspective).collect(),
         };
         candidates.push(Candidate { light: light.entity, importance, maps: specs.len() });
         maps.insert(light.entity, specs);
@@ -177,7 +177,7 @@ fn perspective_map(
                 intensity: light.intensity,
                 texel_area_or_solid_angle: edge * edge,
                 position: light.position,
-                inverse_range_squared: light.inverse_range_squared(),
+                inverse_range_squared: (light.range * light.range).recip(),
                 direction: light.rotation * Vec3::NEG_Z,
                 cone_scale,
                 cone_offset,

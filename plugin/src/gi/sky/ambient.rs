@@ -22,9 +22,6 @@ use bevy::render::texture::GpuImage;
 use super::camera::SkyCamera;
 use crate::gi::view::SkySource;
 
-/// Asset ids of our cubes count up from here.
-const FIRST_NAME: u128 = 0x6b5f_0f4e_9d1c_4a53_b7a2_3f6d_1e8c_0000;
-
 /// Black cubes by the map that each replaces: the same texture, but each with that map's sampler,
 /// since Bevy samples the specular map with it, too. Those of maps that no camera has any more are
 /// dropped.
@@ -32,8 +29,6 @@ const FIRST_NAME: u128 = 0x6b5f_0f4e_9d1c_4a53_b7a2_3f6d_1e8c_0000;
 pub(super) struct BlackCubes {
     texture: Option<Texture>,
     names: HashMap<AssetId<Image>, AssetId<Image>>,
-    /// Names given so far.
-    given: u128,
 }
 
 pub(super) fn take_out_diffuse(
@@ -43,7 +38,7 @@ pub(super) fn take_out_diffuse(
     queue: Res<RenderQueue>,
     mut views: Query<(&SkyCamera, &SkySource, &mut RenderViewLightProbes<EnvironmentMapLight>)>,
 ) {
-    let BlackCubes { texture, names, given } = &mut *cubes;
+    let BlackCubes { texture, names } = &mut *cubes;
     names.retain(|replaced, name| {
         let is_used = views.iter().any(|(_, source, _)| source.diffuse == *replaced);
         if !is_used {
@@ -65,10 +60,8 @@ pub(super) fn take_out_diffuse(
         let Some(replaced) = images.get(source.diffuse) else { continue };
         let texture = texture.get_or_insert_with(|| black_cube(&device, &queue));
         let sampler = replaced.sampler.clone();
-        let name = *names.entry(source.diffuse).or_insert_with(|| {
-            *given += 1;
-            AssetId::Uuid { uuid: Uuid::from_u128(FIRST_NAME + *given) }
-        });
+        let new = || AssetId::Uuid { uuid: Uuid::new_v4() };
+        let name = *names.entry(source.diffuse).or_insert_with(new);
         // The map may have been reloaded.
         if images.get(name).is_none_or(|old| old.sampler.id() != sampler.id()) {
             let black = GpuImage {

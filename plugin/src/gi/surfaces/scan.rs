@@ -61,11 +61,8 @@ impl ChangedMesh<'_> {
 /// Meshes whose ticks are looked at together before single ones are.
 const BLOCK: usize = 256;
 
-/// When each mesh of a table last changed in one component.
-struct Ticks<'a> {
-    changed: &'a [Tick],
-    change: ChangeKind,
-}
+/// When each mesh of a table last changed in one component, and which way of changing that is.
+type Ticks<'a> = (&'a [Tick], ChangeKind);
 
 /// Calls `found` with every mesh that changed since the last run of the system. Returns whether the
 /// meshes could be scanned: they can as long as Bevy keeps all of these components in tables.
@@ -90,7 +87,7 @@ pub(super) fn scan<'w>(
     {
         let (last_run, this_run) = (mesh.last_run_tick(), mesh.this_run_tick());
         let columns: [Option<Ticks>; 10] = [
-            Some(Ticks { changed: mesh.changed_ticks_slice(), change: ChangeKind::Kind }),
+            Some((mesh.changed_ticks_slice(), ChangeKind::Kind)),
             ticks(&transform, ChangeKind::Place),
             ticks(&material, ChangeKind::Kind),
             ticks(&visible, ChangeKind::Kind),
@@ -117,7 +114,7 @@ pub(super) fn scan<'w>(
 }
 
 fn ticks<'w, T>(column: &Option<ContiguousRef<'w, T>>, change: ChangeKind) -> Option<Ticks<'w>> {
-    column.as_ref().map(|column| Ticks { changed: column.changed_ticks_slice(), change })
+    Some((column.as_ref()?.changed_ticks_slice(), change))
 }
 
 /// Calls `found` with every row that changed in any column, and the bits of what changed.
@@ -133,14 +130,14 @@ fn scan_table(
     };
     for first in (0..rows).step_by(BLOCK) {
         let block = first..(first + BLOCK).min(rows);
-        if !columns.iter().any(|column| any(&column.changed[block.clone()])) {
+        if !columns.iter().any(|(changed, _)| any(&changed[block.clone()])) {
             continue;
         }
         for row in block {
             let newer = columns
                 .iter()
-                .filter(|column| column.changed[row].is_newer_than(last_run, this_run));
-            let changes = newer.fold(0, |all, column| all | column.change as u8);
+                .filter(|(changed, _)| changed[row].is_newer_than(last_run, this_run));
+            let changes = newer.fold(0, |all, (_, change)| all | *change as u8);
             if changes != 0 {
                 found(row, changes);
             }
