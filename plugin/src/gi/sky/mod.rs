@@ -100,52 +100,34 @@ pub(super) fn sample(
         dimension: Some(TextureViewDimension::D2Array),
         ..default()
     });
-    let filling = fill.bind(
-        &context,
-        &cache,
-        &BindGroupEntries::sequential((
-            &faces,
-            camera.reading_buffer.as_entire_binding(),
-            camera.strata.as_entire_binding(),
-        )),
-    );
-    let weighing = weigh.bind(
-        &context,
-        &cache,
-        &BindGroupEntries::sequential((
-            inputs.g_buffer,
-            inputs.depth,
-            inputs.views,
-            camera.strata.as_entire_binding(),
-            camera.importance.as_entire_binding(),
-        )),
-    );
-    let sampling = sample.bind(
-        &context,
-        &cache,
-        &BindGroupEntries::sequential((
-            camera.strata.as_entire_binding(),
-            camera.importance.as_entire_binding(),
-            camera.plan_buffer.as_entire_binding(),
-            camera.samples.as_entire_binding(),
-        )),
-    );
+    let [reading, strata, importance, plan, samples] = [
+        &camera.reading_buffer,
+        &camera.strata,
+        &camera.importance,
+        &camera.plan_buffer,
+        &camera.samples,
+    ]
+    .map(|buffer| buffer.as_entire_binding());
+    let filling = BindGroupEntries::sequential((&faces, reading, strata.clone()));
+    let filling = fill.bind(&context, &cache, &filling);
+    let CameraInputs { g_buffer, depth, views } = inputs;
+    let weighing = (g_buffer, depth, views, strata.clone(), importance.clone());
+    let weighing = weigh.bind(&context, &cache, &BindGroupEntries::sequential(weighing));
+    let sampling = BindGroupEntries::sequential((strata, importance, plan, samples));
+    let sampling = sample.bind(&context, &cache, &sampling);
     let again = gi_view.work.samples_again() && camera.is_filled.load(Ordering::Relaxed);
     compute_pass(&mut context, "frugal_gi/sky", &[], |pass| {
-        if again {
-            pass.set_bind_group(0, &sampling, &[]);
-            pass.set_pipeline(sample_pipeline);
-            return pass.dispatch_workgroups(1, 1, 1);
+        if !again {
+            if !camera.is_filled.swap(true, Ordering::Relaxed) {
+                pass.set_bind_group(0, &filling, &[]);
+                pass.set_pipeline(fill_pipeline);
+                pass.dispatch_workgroups(STRATA / 64, 1, 1);
+            }
+            pass.set_bind_group(0, &weighing, &[view_offset.offset]);
+            pass.set_bind_group(1, traced, &[]);
+            pass.set_pipeline(weigh_pipeline);
+            pass.dispatch_workgroups(STRATA / STRATA_PER_GROUP, 1, 1);
         }
-        if !camera.is_filled.swap(true, Ordering::Relaxed) {
-            pass.set_bind_group(0, &filling, &[]);
-            pass.set_pipeline(fill_pipeline);
-            pass.dispatch_workgroups(STRATA / 64, 1, 1);
-        }
-        pass.set_bind_group(0, &weighing, &[view_offset.offset]);
-        pass.set_bind_group(1, traced, &[]);
-        pass.set_pipeline(weigh_pipeline);
-        pass.dispatch_workgroups(STRATA / STRATA_PER_GROUP, 1, 1);
         pass.set_bind_group(0, &sampling, &[]);
         pass.set_pipeline(sample_pipeline);
         pass.dispatch_workgroups(1, 1, 1);
