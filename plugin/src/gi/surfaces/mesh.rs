@@ -3,15 +3,35 @@
 
 use std::borrow::Cow;
 
-use bevy::asset::{AssetId, Handle};
+use bevy::asset::{AssetId, Assets, Handle};
 use bevy::color::LinearRgba;
+use bevy::ecs::prelude::*;
+use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::{Affine2, Vec2, Vec3};
 use bevy::mesh::{Mesh, PrimitiveTopology, UvChannel, VertexAttributeValues};
+use bevy::pbr::StandardMaterial;
 use bevy::render::render_resource::Face;
 
-use super::copies::{Textures, is_readable};
+use super::copies::{GiTextureCopies, Textures, is_readable};
 use super::points::interpolated;
+
+/// For systems that read surfaces in the main world.
+#[derive(SystemParam)]
+pub(in crate::gi) struct SurfaceAssets<'w> {
+    pub meshes: Res<'w, Assets<Mesh>>,
+    /// `None` in an app without images.
+    images: Option<Res<'w, Assets<Image>>>,
+    /// `None` in an app without Bevy's materials.
+    pub materials: Option<Res<'w, Assets<StandardMaterial>>>,
+    copies: Res<'w, GiTextureCopies>,
+}
+
+impl SurfaceAssets<'_> {
+    pub(crate) fn textures(&self) -> Textures<'_> {
+        Textures { images: self.images.as_deref(), copies: &self.copies }
+    }
+}
 
 /// Triangles in the mesh's own space.
 pub(in crate::gi) struct Triangles {

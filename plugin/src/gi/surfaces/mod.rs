@@ -28,9 +28,8 @@ use bevy::transform::TransformSystems;
 
 use super::schedule::SceneSystems;
 pub use copies::GiTextureCopies;
-pub(super) use copies::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
-pub(super) use mesh::{MeshTexture, Sides, TextureUse, Triangles, triangles};
+pub(super) use mesh::{MeshTexture, Sides, SurfaceAssets, TextureUse, Triangles, triangles};
 pub(super) use points::{
     MAX_COORDINATE, SurfacePoint, SurfacePoints, TrianglePoint, area_matrix, is_in_range,
 };
@@ -54,12 +53,7 @@ impl Plugin for SurfacesPlugin {
                 .after(VisibilitySystems::VisibilityPropagate)
                 .after(VisibilitySystems::CalculateBounds),
         );
-        copies::pass::embed(app);
-        copies::build(app);
-    }
-
-    fn finish(&self, app: &mut App) {
-        copies::pass::finish(app);
+        app.add_plugins(copies::CopyPlugin);
     }
 }
 

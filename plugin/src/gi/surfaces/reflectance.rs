@@ -9,9 +9,8 @@ use bevy::math::Vec3;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
-use super::copies::SurfaceAssets;
 use super::cutout::{Cutout, Mask};
-use super::mesh::{MeshTexture, Sides, TextureUse, vertex_colors};
+use super::mesh::{MeshTexture, Sides, SurfaceAssets, TextureUse, vertex_colors};
 use super::points::interpolated;
 
 /// Whether a material lets no light through except in its mask's holes.

@@ -8,27 +8,30 @@
 //! | `copy.wgsl` averages the texture into the buffer | render |
 //! | `receive` keeps the image, and the surface finds it | main |
 
-pub(super) mod pass;
-
 use std::sync::{Mutex, PoisonError};
 
-use bevy::app::{App, PostUpdate};
-use bevy::asset::{AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages};
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::asset::{
+    AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages, embedded_asset,
+    load_embedded_asset,
+};
+use bevy::core_pipeline::schedule::camera_driver;
 use bevy::ecs::prelude::*;
-use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::UVec2;
-use bevy::mesh::Mesh;
-use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::{HashMap, HashSet};
+use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
-use bevy::render::render_resource::{
-    Extent3d, TextureDimension, TextureFormat, TextureSampleType, TextureViewDimension,
-};
-use bevy::render::storage::ShaderBuffer;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::binding_types::{texture_2d, uniform_buffer_sized};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, RenderGraph};
+use bevy::render::storage::{GpuShaderBuffer, ShaderBuffer};
+use bevy::render::texture::GpuImage;
 
-use crate::gi::schedule::SceneSystems;
+use crate::gi::compute::{Kernel, compute_pass, filled_buffer, write};
+use crate::gi::schedule::{SceneSystems, supported_render_app};
 
 /// Most texels along a side of a copy. Emission and reflectance are averaged over surfaces, which
 /// hides finer ones; holes of masks are as fine as they are (`docs/limits.md`).
@@ -119,11 +122,24 @@ struct CopyRequest {
     frames: u32,
 }
 
-pub(super) fn build(app: &mut App) {
-    app.init_resource::<GiTextureCopies>()
-        .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
-        // Before surfaces are read, so that they find no copy of an image that changed.
-        .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(AssetEventSystems));
+pub(super) struct CopyPlugin;
+
+impl Plugin for CopyPlugin {
+    fn build(&self, app: &mut App) {
+        embedded_asset!(app, "copy.wgsl");
+        app.init_resource::<GiTextureCopies>()
+            .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
+            // Before surfaces are read, so that they find no copy of an image that changed.
+            .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(AssetEventSystems));
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<CopyKernel>()
+            .add_systems(RenderGraph, copy.before(camera_driver));
+        app.world_mut().resource_mut::<GiTextureCopies>().has_renderer = true;
+    }
 }
 
 /// Forgets copies of images that changed, and requests those that surfaces asked for.
@@ -211,19 +227,67 @@ fn receive(
     commands.entity(read.entity).despawn();
 }
 
-/// For systems that read surfaces in the main world.
-#[derive(SystemParam)]
-pub(in crate::gi) struct SurfaceAssets<'w> {
-    pub meshes: Res<'w, Assets<Mesh>>,
-    /// `None` in an app without images.
-    images: Option<Res<'w, Assets<Image>>>,
-    /// `None` in an app without Bevy's materials.
-    pub materials: Option<Res<'w, Assets<StandardMaterial>>>,
-    copies: Res<'w, GiTextureCopies>,
+/// Threads along a side of a workgroup of `copy.wgsl`.
+const GROUP: u32 = 8;
+
+/// Its pipeline is queued with the first request.
+#[derive(Resource)]
+struct CopyKernel(Kernel);
+
+impl FromWorld for CopyKernel {
+    fn from_world(world: &mut World) -> Self {
+        let entries = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (
+                texture_2d(TextureSampleType::Float { filterable: false }),
+                write(),
+                uniform_buffer_sized(false, None),
+            ),
+        );
+        let shader = load_embedded_asset!(world, "copy.wgsl");
+        Self(Kernel::new("frugal_gi/surfaces/copy", "copy_texture", &shader, &entries))
+    }
 }
 
-impl SurfaceAssets<'_> {
-    pub(crate) fn textures(&self) -> Textures<'_> {
-        Textures { images: self.images.as_deref(), copies: &self.copies }
+/// Writes every requested copy whose texture is there.
+fn copy(
+    requests: Query<&CopyRequest>,
+    mut kernel: ResMut<CopyKernel>,
+    images: Res<RenderAssets<GpuImage>>,
+    buffers: Res<RenderAssets<GpuShaderBuffer>>,
+    cache: Res<PipelineCache>,
+    mut context: RenderContext,
+) {
+    if requests.is_empty() {
+        return;
+    }
+    kernel.0.queue(&cache, Vec::new());
+    let Some(pipeline) = kernel.0.get(&cache, &[]) else { return };
+    for request in &requests {
+        let (Some(image), Some(buffer)) = (images.get(request.image), buffers.get(&request.buffer))
+        else {
+            continue;
+        };
+        let size = filled_buffer(
+            context.render_device(),
+            "frugal_gi/surfaces/copy",
+            bytemuck::cast_slice(&request.size.to_array()),
+            BufferUsages::UNIFORM,
+        );
+        let entries = BindGroupEntries::sequential((
+            &image.texture_view,
+            buffer.buffer.as_entire_binding(),
+            size.as_entire_binding(),
+        ));
+        let bindings = kernel.0.bind(&context, &cache, &entries);
+        compute_pass(&mut context, "frugal_gi/copy", &[], |pass| {
+            pass.set_bind_group(0, &bindings, &[]);
+            pass.set_pipeline(pipeline);
+            pass.dispatch_workgroups(
+                request.size.x.div_ceil(GROUP),
+                request.size.y.div_ceil(GROUP),
+                1,
+            );
+        });
     }
 }
