@@ -60,16 +60,10 @@ struct EmitterSet {
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiEmitters {
     sets: Vec<EmitterSet>,
-    surfaces: usize,
 }
 
 impl GiEmitters {
-    /// Number of emissive surfaces.
-    pub fn surface_count(&self) -> usize {
-        self.surfaces
-    }
-
-    /// Number of texels that represent them.
+    /// Number of texels that represent emissive surfaces.
     pub fn texel_count(&self) -> usize {
         self.sets.iter().map(|set| set.texels.len()).sum()
     }
@@ -182,15 +176,10 @@ pub(super) fn update(
         *exposures = now;
         let mut is_coarse = false;
         let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);
-        let mut set = |exposure: &Option<f32>| {
+        let set = |exposure: &Option<f32>| {
             assemble(values, instances, *exposure, &assets, &mut is_coarse)
         };
-        let sets = exposures.iter().map(&mut set).collect();
-        let has_surface = |instance: &&EmissiveInstance| {
-            matches!(surfaces.cache.values.get(&instance.key), Some(Some(_)))
-        };
-        let surfaces_found = instances.iter().filter(has_surface).count();
-        *emitters = GiEmitters { sets, surfaces: surfaces_found };
+        *emitters = GiEmitters { sets: exposures.iter().map(set).collect() };
         surfaces.cache.changed = is_coarse;
     }
 }
