@@ -86,7 +86,7 @@ impl JournalUse {
             }
             JournalError::NotAJournal { .. } => Some("move it away".to_owned()),
             JournalError::InUse { .. } => Some("wait until that has ended".to_owned()),
-            JournalError::File(_) | JournalError::Header(_) => return error.to_string(),
+            JournalError::File(_) => return error.to_string(),
         };
         let is_earlier =
             matches!(error, JournalError::HasRecords { .. } | JournalError::OtherRun { .. });

@@ -53,11 +53,6 @@ impl Contents {
         }
         Some(contents)
     }
-
-    /// Whether nothing is lost where the file is begun anew.
-    pub(super) fn is_empty(&self) -> bool {
-        self.records.is_empty() && self.damaged == 0
-    }
 }
 
 /// Whether the run that made the file was killed before its first line was complete. After a power

@@ -6,13 +6,12 @@
 //! writes its own journal and may read others of the same run, such as those of other shards.
 
 mod contents;
-mod error;
 #[cfg(test)]
 mod tests;
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read as _, Seek, SeekFrom, Write};
+use std::io::{Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -20,7 +19,6 @@ use crate::files::FileError;
 
 pub use contents::hash;
 use contents::{Contents, MAGIC, is_of_us, is_unbegun, line};
-pub use error::JournalError;
 
 /// Greatest delay before records reach the disk; they reach the operating system at once. A kill
 /// loses nothing, a power cut a second.
@@ -54,21 +52,18 @@ impl JournalHeader {
         self.0.iter().rev().find(|(other, _)| other == name).map(|(_, value)| value)
     }
 
-    /// Name and both values of the first field in which this header differs from another.
-    fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let differs = other.0.iter().find_map(|(name, value)| {
-            let own = self.value(name);
-            let text = own.map_or("nothing", String::as_str).to_owned();
-            (own != Some(value)).then(|| (name.clone(), text, value.clone()))
-        });
-        differs.or_else(|| {
-            let (name, value) = self.0.iter().find(|(name, _)| other.value(name).is_none())?;
-            Some((name.clone(), value.clone(), "nothing".to_owned()))
-        })
+    /// An error that names the first field in which this header, of the journal at `path`, differs from
+    /// the `run`'s.
+    fn check(&self, run: &Self, path: &Path) -> Result<(), JournalError> {
+        let differs = |(name, _): &&(String, String)| self.value(name) != run.value(name);
+        let Some((field, _)) = run.0.iter().chain(&self.0).find(differs) else { return Ok(()) };
+        let text = |of: &Self| of.value(field).map_or("nothing", String::as_str).to_owned();
+        let (path, field) = (path.to_owned(), field.clone());
+        Err(JournalError::OtherRun { path, found: text(self), expected: text(run), field })
     }
 
-    fn text(&self) -> Result<String, JournalError> {
-        Ok(format!("{MAGIC} {}", serde_json::to_string(&self.0)?))
+    fn text(&self) -> String {
+        format!("{MAGIC} {}", serde_json::json!(self.0))
     }
 
     fn read(text: &str) -> Option<Self> {
@@ -98,33 +93,32 @@ impl Journal {
         header: &JournalHeader,
         existing: Existing,
     ) -> Result<(Self, Vec<String>), JournalError> {
+        let failed = |action| move |source| FileError::new(action, path, source);
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
-        let (file, bytes) = locked(path, &options, "open")?;
-        let mut journal = Self { path: path.to_owned(), file, synced: Instant::now(), damaged: 0 };
-        let Some(contents) = admitted(path, &bytes, existing, header)? else {
-            journal.start(header)?;
-            return Ok((journal, Vec::new()));
-        };
-        journal.damaged = contents.damaged;
-        let end = contents.end as u64;
-        journal.file.set_len(end).map_err(|source| journal.failed("shorten", source))?;
-        journal.file.seek(SeekFrom::Start(end)).map_err(|source| journal.failed("read", source))?;
-        Ok((journal, contents.records))
+        let mut file = options.open(path).map_err(failed("open"))?;
+        // Some file systems have no locks; there nobody can tell whether it is in use.
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            return Err(JournalError::InUse { path: path.to_owned() });
+        }
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(failed("open"))?;
+        let contents = admitted(path, &bytes, existing, header)?;
+        let is_new = contents.is_none();
+        let (end, damaged, records) =
+            contents.map_or((0, 0, Vec::new()), |it| (it.end as u64, it.damaged, it.records));
+        file.set_len(end).map_err(failed("shorten"))?;
+        file.seek(SeekFrom::Start(end)).map_err(failed("read"))?;
+        let mut journal = Self { path: path.to_owned(), file, synced: Instant::now(), damaged };
+        if is_new {
+            journal.append(&header.text())?;
+        }
+        Ok((journal, records))
     }
 
     /// Complete lines that were left out, because they are damaged.
     pub fn damaged(&self) -> usize {
         self.damaged
-    }
-
-    fn start(&mut self, header: &JournalHeader) -> Result<(), JournalError> {
-        let text = header.text()?;
-        self.file
-            .set_len(0)
-            .and_then(|()| self.file.rewind())
-            .map_err(|source| self.failed("empty", source))?;
-        self.append(&text)
     }
 
     /// Adds a record: text without line breaks.
@@ -133,19 +127,14 @@ impl Journal {
     /// When the file cannot be written. Earlier records stay readable.
     pub fn append(&mut self, record: &str) -> Result<(), JournalError> {
         debug_assert!(!record.contains('\n'), "a record is one line");
+        let failed = |source| FileError::new("write", &self.path, source);
         // One write, so that a kill leaves a whole line or a torn one, never two halves.
-        self.file
-            .write_all(line(record).as_bytes())
-            .map_err(|source| self.failed("write", source))?;
+        self.file.write_all(line(record).as_bytes()).map_err(failed)?;
         if self.synced.elapsed() >= SYNC {
-            self.file.sync_data().map_err(|source| self.failed("write", source))?;
+            self.file.sync_data().map_err(failed)?;
             self.synced = Instant::now();
         }
         Ok(())
-    }
-
-    fn failed(&self, action: &'static str, source: io::Error) -> JournalError {
-        FileError::new(action, &self.path, source).into()
     }
 }
 
@@ -163,34 +152,16 @@ fn admitted(
     let Some(contents) = Contents::read(bytes) else {
         return Err(JournalError::NotAJournal { path });
     };
-    if contents.is_empty() {
+    if contents.records.is_empty() && contents.damaged == 0 {
+        // Nothing is lost where it is begun anew.
         return Ok(None);
     }
-    if let Some((field, found, expected)) = contents.header.difference(header) {
-        return Err(JournalError::OtherRun { path, field, found, expected });
-    }
+    contents.header.check(header, &path)?;
     if existing == Existing::Refuse {
         let records = contents.records.len() + contents.damaged;
         return Err(JournalError::HasRecords { path, records });
     }
     Ok(Some(contents))
-}
-
-/// Opens and locks the file at `path` for an `action`; returns it with what it holds. Some file
-/// systems have no locks; there nobody can tell whether it is in use.
-fn locked(
-    path: &Path,
-    options: &OpenOptions,
-    action: &'static str,
-) -> Result<(File, Vec<u8>), JournalError> {
-    let failed = |source| FileError::new(action, path, source);
-    let mut file = options.open(path).map_err(failed)?;
-    if let Err(TryLockError::WouldBlock) = file.try_lock() {
-        return Err(JournalError::InUse { path: path.to_owned() });
-    }
-    let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(failed)?;
-    Ok((file, bytes))
 }
 
 /// Reads a journal, which a run may be writing: its header and its valid records.
@@ -210,12 +181,8 @@ pub fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), Journal
 /// When the file cannot be read, is not a journal, or is of another run.
 pub fn records_of(path: &Path, header: &JournalHeader) -> Result<Vec<String>, JournalError> {
     let (found, records) = read_journal(path)?;
-    match found.difference(header) {
-        None => Ok(records),
-        Some((field, found, expected)) => {
-            Err(JournalError::OtherRun { path: path.to_owned(), field, found, expected })
-        }
-    }
+    found.check(header, path)?;
+    Ok(records)
 }
 
 /// Adds the records of `files`, journals of one run, to the journal at `output`, each once; makes it
@@ -241,4 +208,48 @@ pub fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, Journal
         }
     }
     Ok(seen.len())
+}
+
+/// Why there is no journal. The text is the fault alone: what helps depends on the options of the
+/// command, which adds it.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// A file operation failed.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file is not a journal, or its first line is damaged.
+    #[error("`{path}` is not a journal of this version, or its first line is damaged", path = path.display())]
+    NotAJournal {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The journal holds an earlier run's records, which nobody asked to use or to drop.
+    #[error("the journal `{path}` holds {records} records of an earlier run", path = path.display())]
+    HasRecords {
+        /// The journal.
+        path: PathBuf,
+        /// How many.
+        records: usize,
+    },
+    /// The journal belongs to another run.
+    #[error(
+        "the journal `{path}` is of another run: its {field} is `{found}`, here it is `{expected}`",
+        path = path.display()
+    )]
+    OtherRun {
+        /// The journal.
+        path: PathBuf,
+        /// The field that differs.
+        field: String,
+        /// The journal's value.
+        found: String,
+        /// This run's value.
+        expected: String,
+    },
+    /// Another process has the journal open.
+    #[error("the journal `{path}` is in use by another process", path = path.display())]
+    InUse {
+        /// The journal.
+        path: PathBuf,
+    },
 }
