@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use frugal_core::frontier::WorkPrices;
 use frugal_core::units::Watts;
-use frugal_search::cameras::{CameraMix, CameraSet};
-use frugal_search::cost::{CostModel, CostReading, DeviceModel, ReadingPlan, Work, work_prices};
+use frugal_search::cameras::CameraSet;
+use frugal_search::cost::{CostModel, CostReading, DeviceModel, Work, reading_plan, work_prices};
 use frugal_search::pipeline::CLIP_FRAMES;
 use frugal_search::table::Measure as _;
 
@@ -56,7 +56,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         &bounds,
         &tracks,
         [CAMERAS, 0, 0],
-        &CameraMix::default(),
         stage.lens(),
         arguments.seed,
     )
@@ -75,7 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let idle = stage.idle;
     let started = Instant::now();
     let mut readings = Vec::new();
-    for (camera, settings) in ReadingPlan::new(&space, cameras.len(), arguments.seed) {
+    for (camera, settings) in reading_plan(&space, cameras.len(), arguments.seed) {
         let cost = stage.measure(&cameras[camera].clip(CLIP_FRAMES, fps), settings)?;
         readings.push(CostReading {
             camera,

@@ -36,7 +36,7 @@ pub(crate) fn view_describer(scene: &SceneDescription, traced: ReferenceScene) -
 
 #[cfg(test)]
 mod tests {
-    use frugal_search::cameras::{CameraMix, CameraSet, MovingCamera};
+    use frugal_search::cameras::{CameraSet, MovingCamera};
     use frugal_search::view_features::ViewFeatures;
     use frugal_trace::scene::{CameraPose, RayScene};
     use glam::{Quat, Vec3};
@@ -97,17 +97,7 @@ mod tests {
         let bounds = scene.camera_bounds();
         let tracks = tracks_of(scene.paths.values(), 15.0);
         let lens = (scene.camera.vertical_fov.to_radians(), 16.0 / 9.0);
-        let sampled = |seed| {
-            CameraSet::sample(
-                rays,
-                &bounds,
-                &tracks,
-                [60, 20, 30],
-                &CameraMix::default(),
-                lens,
-                seed,
-            )
-        };
+        let sampled = |seed| CameraSet::sample(rays, &bounds, &tracks, [60, 20, 30], lens, seed);
         let set = sampled(3);
         assert_eq!((set.training.len(), set.calibration.len(), set.unrendered.len()), (60, 20, 30));
         assert_eq!(set, sampled(3), "the same seed");
@@ -157,7 +147,7 @@ mod tests {
         let rays = &*scene.rays;
         let bounds = scene.camera_bounds();
         let sampled = |rays: &RayScene, bounds| {
-            CameraSet::sample(rays, bounds, &[], [10, 5, 2], &CameraMix::default(), (1.0, 1.5), 1)
+            CameraSet::sample(rays, bounds, &[], [10, 5, 2], (1.0, 1.5), 1)
         };
         assert_eq!(sampled(rays, &bounds).training.len(), 10);
         let nothing = RayScene::new([]);

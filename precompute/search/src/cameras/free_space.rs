@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet, VecDeque};
 use glam::{IVec3, Vec3};
 use rand::RngExt;
 
-use frugal_trace::scene::{Bounds, CameraPose, RayScene};
+use frugal_trace::scene::{Bounds, RayScene};
 
 /// Edge of a voxel, metres; larger if the bounds would have too many voxels.
 const VOXEL: f32 = 0.5;
@@ -14,35 +14,20 @@ const MOST_ALONG: f32 = 96.0;
 /// Most voxels that a fill visits.
 const MOST: usize = 60_000;
 
-/// Required clearance around a camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Clearance {
-    /// Least distance from any surface, metres.
-    pub distance: f32,
-    /// Least and greatest height above the ground, metres. Without ground below, the height is not
-    /// limited.
-    pub height: (f32, f32),
-}
+/// Least distance of a camera from any surface, metres.
+const CLEARANCE: f32 = 0.25;
+/// Eye heights of people who sit, stand, or stand on something: least and greatest, metres above the
+/// ground.
+pub(super) const HEIGHTS: (f32, f32) = (0.9, 2.4);
 
-impl Default for Clearance {
-    /// 25 cm from surfaces; eye heights of people who sit, stand, or stand on something.
-    fn default() -> Self {
-        Self { distance: 0.25, height: (0.9, 2.4) }
-    }
-}
-
-impl Clearance {
-    /// Whether a camera can be at `position`.
-    pub(crate) fn allows(&self, rays: &RayScene, position: Vec3) -> bool {
-        is_clear(rays, position, self.distance)
-            && !rays.inside_geometry(position)
-            && self.height_fits(rays, position)
-    }
-
-    fn height_fits(&self, rays: &RayScene, position: Vec3) -> bool {
-        rays.closest(position, Vec3::NEG_Y, f32::INFINITY)
-            .is_none_or(|hit| (self.height.0..=self.height.1).contains(&hit.distance))
-    }
+/// Whether a camera can be at `position`: away from surfaces, and between `heights` above the ground.
+/// Without ground below, the height is not limited.
+pub(super) fn allows(rays: &RayScene, position: Vec3, heights: (f32, f32)) -> bool {
+    is_clear(rays, position, CLEARANCE)
+        && !rays.inside_geometry(position)
+        && rays
+            .closest(position, Vec3::NEG_Y, f32::INFINITY)
+            .is_none_or(|hit| (heights.0..=heights.1).contains(&hit.distance))
 }
 
 /// Whether no surface is within `distance` of `position`, by rays to the faces, edges and corners
@@ -58,7 +43,7 @@ fn is_clear(rays: &RayScene, position: Vec3, distance: f32) -> bool {
 
 /// Positions that cameras can reach.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct FreeSpace {
+pub(super) struct FreeSpace {
     positions: Vec<Vec3>,
     voxel: f32,
 }
@@ -66,11 +51,11 @@ pub(crate) struct FreeSpace {
 impl FreeSpace {
     /// Flood-fills `bounds` from `seeds`, between voxels without geometry in between. Without a
     /// free seed, starts from every free voxel of the bounds.
-    pub(crate) fn fill(
+    pub(super) fn fill(
         rays: &RayScene,
         bounds: &Bounds,
         seeds: &[Vec3],
-        clearance: &Clearance,
+        heights: (f32, f32),
     ) -> Self {
         let voxel = VOXEL.max(bounds.size().max_element() / MOST_ALONG);
         let at = |index: IVec3| bounds.min + (index.as_vec3() + 0.5) * voxel;
@@ -78,9 +63,8 @@ impl FreeSpace {
         let mut known: HashMap<IVec3, bool> = HashMap::new();
         // A camera may pass over a low wall or through a door between positions at eye height: only
         // the positions themselves need full clearance.
-        let passable = |position: Vec3| {
-            bounds.contains(position) && is_clear(rays, position, clearance.distance * 0.5)
-        };
+        let passable =
+            |position: Vec3| bounds.contains(position) && is_clear(rays, position, CLEARANCE * 0.5);
         let mut queue: VecDeque<IVec3> =
             seeds.iter().filter(|seed| seed.is_finite()).map(|seed| voxel_at(*seed)).collect();
         if !queue.iter().any(|index| passable(at(*index))) {
@@ -95,7 +79,7 @@ impl FreeSpace {
             {
                 continue;
             }
-            if clearance.allows(rays, at(index)) {
+            if allows(rays, at(index), heights) {
                 positions.push(at(index));
             }
             for axis in [IVec3::X, IVec3::Y, IVec3::Z] {
@@ -109,20 +93,8 @@ impl FreeSpace {
         Self { positions, voxel }
     }
 
-    /// Number of positions.
-    #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
-        self.positions.len()
-    }
-
-    /// Whether there are no positions.
-    #[cfg(test)]
-    pub(crate) fn is_empty(&self) -> bool {
-        self.positions.is_empty()
-    }
-
     /// A random position in a random voxel, and the voxel's number.
-    pub(crate) fn sample(&self, random: &mut impl rand::Rng) -> Option<(Vec3, u32)> {
+    pub(super) fn sample(&self, random: &mut impl rand::Rng) -> Option<(Vec3, u32)> {
         let center = *self.positions.get(random.random_range(0..self.positions.len().max(1)))?;
         let mut offset = || random.random_range(-0.5..0.5) * self.voxel;
         let position = center + Vec3::new(offset(), offset(), offset());
@@ -143,17 +115,6 @@ fn every_voxel(bounds: &Bounds, voxel: f32) -> impl Iterator<Item = IVec3> {
     (0..count.z).flat_map(move |z| {
         (0..count.y).flat_map(move |y| (0..count.x).map(move |x| IVec3::new(x, y, z)))
     })
-}
-
-/// Whether a camera has clearance and sees geometry.
-pub(super) fn is_usable(
-    rays: &RayScene,
-    pose: &CameraPose,
-    clearance: &Clearance,
-    lens: (f32, f32),
-) -> bool {
-    clearance.allows(rays, pose.position)
-        && rays.sees_geometry(pose.position, pose.rotation, lens.0, lens.1)
 }
 
 #[cfg(test)]
@@ -200,9 +161,8 @@ mod tests {
     #[test]
     fn only_reachable_voxels_are_filled() {
         let rays = scene();
-        let space =
-            FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
-        assert!(space.len() > 100, "{}", space.len());
+        let space = FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], HEIGHTS);
+        assert!(space.positions.len() > 100, "{}", space.positions.len());
         let mut random = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..500 {
             let (position, _) = space.sample(&mut random).expect("positions");
@@ -219,8 +179,8 @@ mod tests {
 
     #[test]
     fn clearance_keeps_cameras_from_walls_floors_and_solids() {
-        let (rays, clearance) = (scene(), Clearance::default());
-        let allows = |x: f32, y: f32, z: f32| clearance.allows(&rays, Vec3::new(x, y, z));
+        let rays = scene();
+        let allows = |x: f32, y: f32, z: f32| allows(&rays, Vec3::new(x, y, z), HEIGHTS);
         assert!(allows(-1.5, 1.6, 0.0));
         assert!(!allows(-2.9, 1.6, 0.0), "10 cm from a wall");
         assert!(
@@ -233,16 +193,12 @@ mod tests {
     #[test]
     fn without_a_seed_all_of_the_bounds_are_tried_and_nothing_is_fine_too() {
         let rays = scene();
-        let all = FreeSpace::fill(&rays, &bounds(), &[], &Clearance::default());
-        let one_side =
-            FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
-        assert!(all.len() > one_side.len());
-        let nothing = FreeSpace::fill(
-            &rays,
-            &bounds(),
-            &[Vec3::NAN],
-            &Clearance { distance: 50.0, ..Clearance::default() },
-        );
-        assert!(nothing.is_empty() && nothing.sample(&mut ChaCha8Rng::seed_from_u64(1)).is_none());
+        let all = FreeSpace::fill(&rays, &bounds(), &[], HEIGHTS);
+        let one_side = FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], HEIGHTS);
+        assert!(all.positions.len() > one_side.positions.len());
+        let wall = Bounds { min: Vec3::new(3.05, 1.0, 0.0), max: Vec3::new(3.15, 1.1, 0.1) };
+        let nothing = FreeSpace::fill(&rays, &wall, &[Vec3::NAN], HEIGHTS);
+        assert!(nothing.positions.is_empty());
+        assert!(nothing.sample(&mut ChaCha8Rng::seed_from_u64(1)).is_none());
     }
 }

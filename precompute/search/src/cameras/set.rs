@@ -5,10 +5,9 @@ use glam::{EulerRot, Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::free_space::is_usable;
-use super::pose::FREE;
+use super::free_space::{FreeSpace, HEIGHTS, allows};
 use super::stretch::{TrackSample, locate, stretches};
-use super::{Clearance, FreeSpace, MovingCamera};
+use super::{FREE, MovingCamera};
 
 /// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
 const PITCH: f32 = 0.5;
@@ -20,23 +19,11 @@ const BLOCK: u32 = 2;
 /// Attempts per requested camera.
 const TRIES: usize = 60;
 
-/// Shares of the sources of cameras. The rest is from free space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CameraMix {
-    /// Share on tracks, to within 10 cm. Higher values fit the map to the tracks.
-    pub on_tracks: f64,
-    /// Share near tracks, displaced and rotated.
-    pub near_tracks: f64,
-}
-
-impl Default for CameraMix {
-    fn default() -> Self {
-        Self { on_tracks: 0.6, near_tracks: 0.15 }
-    }
-}
-
-/// Sources of unrendered views: cameras cover the tracks, and these all else.
-const UNRENDERED: CameraMix = CameraMix { on_tracks: 0.0, near_tracks: 0.2 };
+/// Shares of cameras on tracks, to within 10 cm, and near tracks, displaced and rotated. The rest is
+/// from free space. More on tracks fit the map to these.
+const RENDERED: (f64, f64) = (0.6, 0.15);
+/// The same of unrendered views: cameras cover the tracks, and these all else.
+const UNRENDERED: (f64, f64) = (0.0, 0.2);
 
 /// Stretches of tracks, and their frames: about a second of play at 15 frames per second.
 const STRETCHES: (usize, usize) = (6, 16);
@@ -77,7 +64,7 @@ struct Source<'a> {
     rays: &'a RayScene,
     tracks: &'a [Vec<TrackSample>],
     space: FreeSpace,
-    clearance: Clearance,
+    heights: (f32, f32),
     lens: (f32, f32),
 }
 
@@ -92,98 +79,86 @@ impl CameraSet {
         bounds: &Bounds,
         tracks: &[Vec<TrackSample>],
         [count, calibration, unrendered]: [usize; 3],
-        mix: &CameraMix,
         lens: (f32, f32),
         seed: u64,
     ) -> Self {
-        let clearance = clearance(rays, tracks);
+        let heights = heights(rays, tracks);
         let seeds: Vec<Vec3> =
             tracks.iter().flatten().step_by(5).map(|sample| sample.pose.position).collect();
         let source = Source {
             rays,
             tracks,
-            space: FreeSpace::fill(rays, bounds, &seeds, &clearance),
-            clearance,
+            space: FreeSpace::fill(rays, bounds, &seeds, heights),
+            heights,
             lens,
         };
-        let training = source.sample(count, mix, ChaCha8Rng::seed_from_u64(seed));
-        // A separate stream: the number of training cameras does not affect the calibration
-        // cameras.
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        random.set_stream(1);
-        let mut others = ChaCha8Rng::seed_from_u64(seed);
-        others.set_stream(2);
+        // Separate streams: the number of training cameras does not affect the calibration cameras.
+        let stream = |number| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            random.set_stream(number);
+            random
+        };
         let (stretches_count, frames) = STRETCHES;
         Self {
-            training,
-            calibration: source.sample(calibration, mix, random),
-            unrendered: source.sample(unrendered, &UNRENDERED, others),
+            training: source.sample(count, RENDERED, stream(0)),
+            calibration: source.sample(calibration, RENDERED, stream(1)),
+            unrendered: source.sample(unrendered, UNRENDERED, stream(2)),
             stretches: stretches(tracks, stretches_count, frames),
         }
     }
 }
 
 /// Heights of the tracks, with a margin of 30 cm; the default's without tracks.
-fn clearance(rays: &RayScene, tracks: &[Vec<TrackSample>]) -> Clearance {
-    let heights = tracks
-        .iter()
-        .flatten()
-        .filter_map(|sample| Some(rays.closest(sample.pose.position, Vec3::NEG_Y, 50.0)?.distance));
-    let range = heights.fold(None, |range: Option<(f32, f32)>, height| {
-        Some(range.map_or((height, height), |(low, high)| (low.min(height), high.max(height))))
-    });
-    let default = Clearance::default();
-    Clearance {
-        height: range.map_or(default.height, |(low, high)| (low - 0.3, high + 0.3)),
-        ..default
-    }
+fn heights(rays: &RayScene, tracks: &[Vec<TrackSample>]) -> (f32, f32) {
+    let below = |sample: &TrackSample| {
+        Some(rays.closest(sample.pose.position, Vec3::NEG_Y, 50.0)?.distance)
+    };
+    let heights = tracks.iter().flatten().filter_map(below).map(|height| (height, height));
+    let range = heights.reduce(|(low, high), (height, _)| (low.min(height), high.max(height)));
+    range.map_or(HEIGHTS, |(low, high)| (low - 0.3, high + 0.3))
 }
 
 impl Source<'_> {
-    fn sample(&self, count: usize, mix: &CameraMix, mut random: ChaCha8Rng) -> Vec<MovingCamera> {
-        let share = |share: f64| {
-            if self.tracks.is_empty() {
-                0
-            } else {
-                (share.clamp(0.0, 1.0) * count as f64).round() as usize
-            }
+    fn sample(
+        &self,
+        count: usize,
+        (on_tracks, near_tracks): (f64, f64),
+        mut random: ChaCha8Rng,
+    ) -> Vec<MovingCamera> {
+        let count_of = |share: f64| {
+            if self.tracks.is_empty() { 0 } else { (share * count as f64).round() as usize }
         };
-        let on = share(mix.on_tracks);
-        let near = share(mix.near_tracks).min(count - on.min(count));
-        let mut tracked = Vec::new();
-        for index in 0..on {
+        let on = count_of(on_tracks);
+        let near = count_of(near_tracks).min(count - on);
+        let on_tracks = (0..on).filter_map(|index| {
             let near =
                 self.attempt(|random| self.on_track(index, on, 0.1, 0.05, random), &mut random);
             // Where the track is closer to surfaces than free cameras may be, its own cameras are
             // right: without them, the views of highest error would be missing.
-            tracked.extend(near.or_else(|| self.on_track(index, on, 0.0, 0.0, &mut random)));
-        }
-        let mut beside = Vec::new();
-        for index in 0..near {
-            beside.extend(
-                self.attempt(|random| self.on_track(index, near, 0.8, 0.6, random), &mut random),
-            );
-        }
-        let mut free = Vec::new();
-        while tracked.len() + beside.len() + free.len() < count {
-            let Some(camera) = self.attempt(|random| self.in_free_space(random), &mut random)
-            else {
-                break;
-            };
-            free.push(camera);
-        }
+            near.or_else(|| self.on_track(index, on, 0.0, 0.0, &mut random))
+        });
+        let tracked: Vec<_> = on_tracks.collect();
+        let near_tracks = (0..near).filter_map(|index| {
+            self.attempt(|random| self.on_track(index, near, 0.8, 0.6, random), &mut random)
+        });
+        let beside: Vec<_> = near_tracks.collect();
+        let in_space = |_| self.attempt(|random| self.in_free_space(random), &mut random);
+        let free = (tracked.len() + beside.len()..count).map_while(in_space).collect();
         evenly_mixed([tracked, beside, free])
     }
 
+    /// The first camera that has clearance and sees geometry.
     fn attempt(
         &self,
         mut sample: impl FnMut(&mut ChaCha8Rng) -> Option<MovingCamera>,
         random: &mut ChaCha8Rng,
     ) -> Option<MovingCamera> {
-        (0..TRIES).find_map(|_| {
-            sample(random)
-                .filter(|camera| is_usable(self.rays, &camera.pose, &self.clearance, self.lens))
-        })
+        let is_usable = |camera: &MovingCamera| {
+            let CameraPose { position, rotation } = camera.pose;
+            allows(self.rays, position, self.heights)
+                && self.rays.sees_geometry(position, rotation, self.lens.0, self.lens.1)
+        };
+        (0..TRIES).find_map(|_| sample(random).filter(is_usable))
     }
 
     /// A camera from stratum `index` of `count` of all tracks' samples, displaced by up to `shift`

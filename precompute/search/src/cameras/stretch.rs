@@ -20,11 +20,8 @@ impl TrackSample {
         let velocity = (to.position - from.position) / step;
         let turn = (to.rotation * from.rotation.inverse()).to_scaled_axis() / step;
         let is_cut = !(velocity.length() < 30.0 && turn.length() < 12.0);
-        if is_cut {
-            Self { pose: to, velocity: Vec3::ZERO, turn: Vec3::ZERO }
-        } else {
-            Self { pose: to, velocity, turn }
-        }
+        let [velocity, turn] = if is_cut { [Vec3::ZERO; 2] } else { [velocity, turn] };
+        Self { pose: to, velocity, turn }
     }
 
     /// Whether the camera did not move here `from` another place, but was cut.

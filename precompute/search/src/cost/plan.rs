@@ -12,29 +12,28 @@ use crate::search::random_settings;
 const PER_CAMERA: usize = 8;
 
 /// Cameras and settings to read, without end: the best and the cheapest settings, then by turns one
-/// with a single knob changed and a random one, from camera to camera.
+/// with a single knob changed and a random one, from camera to camera. `cameras`: how many there are, at
+/// least 1. Deterministic in `seed`.
 ///
 /// Settings with one knob changed from the best or the cheapest tell prices apart at both ends, random
 /// ones between them, where maps choose.
-#[derive(Clone, Debug)]
-pub struct ReadingPlan<'a> {
-    space: &'a KnobSpace,
+pub fn reading_plan(
+    space: &KnobSpace,
     cameras: usize,
-    /// Single changes, shuffled; read again and again.
-    single: Vec<KnobLevels>,
-    /// Number of readings so far.
-    step: usize,
-    random: ChaCha8Rng,
-}
-
-impl<'a> ReadingPlan<'a> {
-    /// `cameras`: how many there are, at least 1. Deterministic in `seed`.
-    pub fn new(space: &'a KnobSpace, cameras: usize, seed: u64) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut single = single_changes(space);
-        single.shuffle(&mut random);
-        Self { space, cameras, single, step: 0, random }
-    }
+    seed: u64,
+) -> impl Iterator<Item = (usize, KnobLevels)> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut single = single_changes(space);
+    single.shuffle(&mut random);
+    (0_usize..).map(move |step| {
+        let settings = match step {
+            0 => space.highest(),
+            1 => space.canonical(space.lowest()),
+            _ if step.is_multiple_of(2) => single[(step / 2) % single.len()],
+            _ => space.canonical(random_settings(space, &mut random)),
+        };
+        (step / PER_CAMERA % cameras.max(1), settings)
+    })
 }
 
 /// The best and the cheapest settings with one knob at each of its levels.
@@ -45,23 +44,6 @@ fn single_changes(space: &KnobSpace) -> Vec<KnobLevels> {
     space.canonical_once(
         levels.flat_map(|(knob, level)| ends.map(|settings| settings.with_level(knob, level))),
     )
-}
-
-impl Iterator for ReadingPlan<'_> {
-    /// Index of the camera, and settings.
-    type Item = (usize, KnobLevels);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let step = self.step;
-        self.step += 1;
-        let settings = match step {
-            0 => self.space.highest(),
-            1 => self.space.canonical(self.space.lowest()),
-            _ if step.is_multiple_of(2) => self.single[(step / 2) % self.single.len()],
-            _ => self.space.canonical(random_settings(self.space, &mut self.random)),
-        };
-        Some((step / PER_CAMERA % self.cameras.max(1), settings))
-    }
 }
 
 #[cfg(test)]
@@ -124,7 +106,7 @@ mod tests {
             })
             .collect();
         let model = CostModel::fit(&readings, Watts(0.0));
-        let unread = ReadingPlan::new(space, 1, 5000 + seed).skip(2).take(100);
+        let unread = reading_plan(space, 1, 5000 + seed).skip(2).take(100);
         let off = unread.map(|(_, settings)| {
             (model.power(&Work::of(space, settings, &LAYOUT)) / (mean * power(space, settings))
                 - 1.0)
@@ -137,8 +119,7 @@ mod tests {
     fn a_minute_of_readings_tells_all_prices() {
         let space = crate::testing::knobs();
         let mean = |error: &dyn Fn(u64) -> f64| (0..6).map(error).sum::<f64>() / 6.0;
-        let planned =
-            mean(&|seed| error(&space, ReadingPlan::new(&space, CAMERAS, seed), 60, seed));
+        let planned = mean(&|seed| error(&space, reading_plan(&space, CAMERAS, seed), 60, seed));
         let single = mean(&|seed| {
             let one = single_changes(&space);
             error(&space, one.into_iter().cycle().map(|it| (0, it)), 60, seed)
@@ -149,7 +130,7 @@ mod tests {
     #[test]
     fn a_plan_begins_at_both_ends_and_is_the_same_for_a_seed() {
         let space = crate::testing::knobs();
-        let first = |seed| ReadingPlan::new(&space, CAMERAS, seed).take(300).collect::<Vec<_>>();
+        let first = |seed| reading_plan(&space, CAMERAS, seed).take(300).collect::<Vec<_>>();
         let plan = first(1);
         assert_eq!(plan[..2], [(0, space.highest()), (0, space.canonical(space.lowest()))]);
         assert!(plan.iter().all(|(_, settings)| space.canonical(*settings) == *settings));
@@ -169,7 +150,7 @@ mod tests {
         for levels in [vec![0.0], vec![0.0, 1.0]] {
             let knob = frugal_core::knobs::Knob::new("k", levels);
             let space = KnobSpace::new(vec![knob]).expect("a valid space");
-            assert_eq!(ReadingPlan::new(&space, 0, 0).take(9).count(), 9);
+            assert_eq!(reading_plan(&space, 0, 0).take(9).count(), 9);
         }
     }
 }

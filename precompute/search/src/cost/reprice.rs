@@ -26,9 +26,6 @@ pub struct DeviceModel {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RepriceError {
-    /// The map is of an earlier version.
-    #[error("the map holds no prices of work: run `frugal precompute` again")]
-    NoPrices,
     /// The device model lacks a price for work of the map's settings.
     #[error("the device model has no price for `{0}`: calibrate with the map's knobs")]
     MissingPrice(String),
@@ -58,9 +55,6 @@ pub struct NewConditions {
 /// When the map has no prices, or the device none for some of its work.
 pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, RepriceError> {
     let old = &map.work_prices;
-    if old.kinds.is_empty() {
-        return Err(RepriceError::NoPrices);
-    }
     let new = to
         .device
         .as_ref()
@@ -294,8 +288,6 @@ mod tests {
     #[test]
     fn unpriceable_maps_are_refused_with_a_reason() {
         let original = map(&prices(0.01, 2e-6), &LAYOUT, FPS);
-        let old = FrontierMap { work_prices: WorkPrices::default(), ..original.clone() };
-        assert_eq!(reprice(&old, &NewConditions::default()), Err(RepriceError::NoPrices));
         let mut few = prices(0.01, 2e-6);
         few.kinds[5] = "something else".into();
         let device = DeviceModel {

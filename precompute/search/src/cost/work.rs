@@ -34,10 +34,8 @@ pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
 /// second, places of the image have them, whose number is limited.
 pub const VISIBILITY_RAYS: [[u32; 2]; 4] = [[0, 0], [2, 2], [2, 2], [8, 8]];
 /// Values of the knob at these levels.
-const VISIBILITY_VALUES: [f64; 4] = [0.0, CACHED, 2.0, 8.0];
-/// That of the second.
-const CACHED: f64 = 1.0;
-/// Most places that are lit in a frame at that level.
+const VISIBILITY_VALUES: [f64; 4] = [0.0, 1.0, 2.0, 8.0];
+/// Most places that are lit in a frame at the second level.
 const MAX_CACHE_SAMPLES: f64 = 4096.0;
 /// Least pixels for each of them.
 const PIXELS_OF_SAMPLE: f64 = 64.0;
@@ -149,7 +147,7 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
     let visibility = value("gi_visibility", 8.0);
     let level = VISIBILITY_VALUES.iter().position(|value| *value >= visibility).unwrap_or(3);
     let [rays, sky_rays] = VISIBILITY_RAYS[level].map(f64::from);
-    let is_cached = visibility == CACHED;
+    let is_cached = level == 1;
     let gathered =
         if is_cached { (pixels / PIXELS_OF_SAMPLE).min(MAX_CACHE_SAMPLES) } else { shown };
     let sky =

@@ -4,7 +4,7 @@ use std::cell::LazyCell;
 use std::path::PathBuf;
 
 use frugal_core::frontier::{Bounds, Capture, SceneIdentity};
-use frugal_search::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
+use frugal_search::cameras::{CameraSet, MovingCamera, TrackSample};
 use frugal_search::journal::{JournalHeader, hash};
 use frugal_search::pipeline::{
     self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
@@ -146,8 +146,7 @@ fn sample_cameras(
 ) -> CameraSet {
     let calibration = arguments.training.div_ceil(6).min(MAX_CALIBRATION);
     let counts = [arguments.training, calibration, Extent::WHOLE.views];
-    let (mix, lens) = (CameraMix::default(), stage.lens());
-    CameraSet::sample(&scene.rays, bounds, tracks, counts, &mix, lens, arguments.seed)
+    CameraSet::sample(&scene.rays, bounds, tracks, counts, stage.lens(), arguments.seed)
 }
 
 fn cli_error(error: PipelineError<RemoteError>, scene: &StagedScene) -> CliError {
