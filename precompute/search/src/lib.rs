@@ -15,7 +15,7 @@
 //! | [`pipeline`] | all of it in order |
 //! | [`evaluate`] | policies simulated along a recorded path, and compared |
 //!
-//! Each module imports only those above it. `linalg`, `quantile`, `farthest` and `medoids` serve all.
+//! Each module imports only those above it. `linalg`, `farthest` and `medoids` serve all.
 
 pub mod cameras;
 pub mod cost;
@@ -28,7 +28,6 @@ mod linalg;
 mod medoids;
 pub mod pipeline;
 mod pool;
-mod quantile;
 mod search;
 pub mod table;
 #[cfg(any(test, feature = "testing"))]

@@ -95,16 +95,6 @@ pub(crate) fn notes(result: &EvaluationResult) -> Vec<String> {
             result.drift.repeat_mean_error
         ));
     }
-    if let Some(gap) = result.gap_closed {
-        notes.push(format!(
-            "The frugal run closes {:.0} % of the gap from the best constant to the oracle.",
-            100.0 * gap
-        ));
-    }
-    if !result.dominated_by.is_empty() {
-        let by = result.dominated_by.join(", ");
-        notes.push(format!("The frugal run is dominated by {by}."));
-    }
     if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
         notes.push(format!(
             "The frugal run is over the power budget by 2 % in {:.1} % of all {:.0} s.",

@@ -5,10 +5,11 @@ use std::time::Duration;
 use frugal_core::control::{
     Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerCorrection,
 };
-use frugal_core::frontier::{CameraView, CostPoint, FrontierStore};
+use frugal_core::frontier::{CostPoint, FrontierStore};
 use frugal_core::knobs::KnobLevels;
 
 use super::{Choice, Policy, Pose, ResolvedBudget};
+use crate::cameras::view_from;
 
 /// Selects settings from frontiers under a budget and applies the temporal filter.
 pub struct Controller<'a> {
@@ -24,19 +25,16 @@ pub struct Controller<'a> {
     predicted: Option<f64>,
     /// Duration of the last frame, seconds.
     dt: f64,
-    meter: Option<Meter>,
+    /// How often an error meter measures a whole frame, without noise; `None` without one.
+    pub(super) meter: Option<MeterInterval>,
+    /// Number of its measurements.
+    pub(super) measurements: u32,
+    /// Seconds since the last of them.
+    since: f64,
 }
 
 /// Time from a measurement of the error meter, by its number, to the next.
 pub type MeterInterval = fn(u32) -> Duration;
-
-/// An error meter that measures a whole frame now and then, without noise.
-struct Meter {
-    interval: MeterInterval,
-    /// Since the last measurement.
-    seconds: f64,
-    count: u32,
-}
 
 impl<'a> Controller<'a> {
     /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: time constants of
@@ -58,18 +56,9 @@ impl<'a> Controller<'a> {
             predicted: None,
             dt: 0.0,
             meter: None,
+            measurements: 0,
+            since: 0.0,
         }
-    }
-
-    /// Number of measurements of the error meter.
-    pub fn measurements(&self) -> u32 {
-        self.meter.as_ref().map_or(0, |meter| meter.count)
-    }
-
-    /// With an error meter.
-    #[must_use]
-    pub fn measuring(self, interval: MeterInterval) -> Self {
-        Self { meter: Some(Meter { interval, seconds: 0.0, count: 0 }), ..self }
     }
 }
 
@@ -78,12 +67,7 @@ impl Policy for Controller<'_> {
         self.dt = dt;
         let inputs = Inputs {
             store: self.store,
-            view: CameraView {
-                position: pose.position,
-                rotation: pose.rotation,
-                vertical_fov: self.lens.0,
-                aspect: self.lens.1,
-            },
+            view: view_from(pose, self.lens),
             budget: self.budget,
             delta_seconds: dt,
             // Before its first step the filter goes straight to the target, whatever this is.
@@ -107,12 +91,12 @@ impl Policy for Controller<'_> {
     }
 
     fn observe(&mut self, cost: CostPoint) {
-        let Some(meter) = &mut self.meter else { return };
-        meter.seconds += self.dt;
-        if meter.seconds >= (meter.interval)(meter.count).as_secs_f64()
+        let Some(interval) = self.meter else { return };
+        self.since += self.dt;
+        if self.since >= interval(self.measurements).as_secs_f64()
             && let Some(predicted) = self.predicted
         {
-            (meter.seconds, meter.count) = (0.0, meter.count + 1);
+            (self.since, self.measurements) = (0.0, self.measurements + 1);
             self.errors.observe(cost.error, predicted);
         }
     }

@@ -89,51 +89,6 @@ impl RecordFile {
         }
         Ok(PathRecord { path, space: space.clone(), table })
     }
-
-    /// The file of `record`, of a scene at a size through a lens. Settings that are not known in every
-    /// frame are left out.
-    pub fn of(
-        record: &PathRecord,
-        made: Made,
-        scene: &str,
-        size: [u32; 2],
-        lens: (f32, f32),
-    ) -> Self {
-        let (path, table) = (&record.path, &record.table);
-        let round = |value: f32| (value * 1e4).round() / 1e4;
-        let pose = |pose: &Pose| {
-            let ([x, y, z], [a, b, c, d]) = (pose.position.to_array(), pose.rotation.to_array());
-            [x, y, z, a, b, c, d].map(round)
-        };
-        let complete: Vec<usize> =
-            (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-        let column = |value: &dyn Fn(CostPoint) -> f64| -> Vec<Vec<u32>> {
-            let of = |column: &usize| {
-                let mut numbers: Vec<u32> =
-                    table.known(*column).map(|(_, cost)| value(cost).round() as u32).collect();
-                if numbers.windows(2).all(|two| two[0] == two[1]) {
-                    numbers.truncate(1);
-                }
-                numbers
-            };
-            complete.iter().map(of).collect()
-        };
-        Self {
-            made,
-            scene: scene.to_owned(),
-            path: path.name().to_owned(),
-            fps: path.fps(),
-            size,
-            lens: [lens.0, lens.1],
-            poses: path.poses().iter().map(pose).collect(),
-            settings: complete
-                .iter()
-                .map(|column| format!("{:x}", table.settings()[*column].bits()))
-                .collect(),
-            milliwatts: column(&|cost| cost.power.0 * 1e3),
-            error_millionths: column(&|cost| cost.error * 1e6),
-        }
-    }
 }
 
 /// The records in a folder, each with its scene's map, in the order of their names.
@@ -162,10 +117,36 @@ mod tests {
     use super::*;
     use crate::testing::formula::{path, record_of, space};
 
+    /// The file of a record whose errors are the same in all frames.
+    fn file_of(PathRecord { path, table, .. }: &PathRecord) -> RecordFile {
+        let columns = |value: fn(CostPoint) -> f64, most: usize| -> Vec<Vec<u32>> {
+            let of = |column: usize| -> Vec<u32> {
+                table.known(column).take(most).map(|(_, cost)| value(cost).round() as u32).collect()
+            };
+            (0..table.settings().len()).map(of).collect()
+        };
+        let pose = |pose: &Pose| {
+            let ([x, y, z], [a, b, c, d]) = (pose.position.to_array(), pose.rotation.to_array());
+            [x, y, z, a, b, c, d]
+        };
+        RecordFile {
+            made: Made::default(),
+            scene: "court".into(),
+            path: path.name().into(),
+            fps: path.fps(),
+            size: [16, 12],
+            lens: [1.0, 1.5],
+            poses: path.poses().iter().map(pose).collect(),
+            settings: table.settings().iter().map(|one| format!("{:x}", one.bits())).collect(),
+            milliwatts: columns(|cost| cost.power.0 * 1e3, usize::MAX),
+            error_millionths: columns(|cost| cost.error * 1e6, 1),
+        }
+    }
+
     #[test]
     fn a_record_is_read_back_to_the_last_milliwatt() {
         let record = record_of(path(), space(), &space().iter().collect::<Vec<_>>());
-        let file = RecordFile::of(&record, Made::default(), "court", [16, 12], (1.0, 1.5));
+        let file = file_of(&record);
         let text = serde_json::to_string(&file).expect("JSON");
         let file: RecordFile = serde_json::from_str(&text).expect("the same");
         let read = file.record(&space()).expect("a record");
@@ -183,7 +164,7 @@ mod tests {
     #[test]
     fn a_file_that_contradicts_itself_is_refused() {
         let record = record_of(path(), space(), &[space().lowest()]);
-        let file = || RecordFile::of(&record, Made::default(), "court", [16, 12], (1.0, 1.5));
+        let file = || file_of(&record);
         let faults: [(fn(&mut RecordFile), &str); 5] = [
             (|file| file.poses.clear(), "0 frames"),
             (|file| file.settings.truncate(1), "columns of [1, 2, 2]"),

@@ -2,14 +2,13 @@
 
 use frugal_core::control::{ControlSettings, SettingsFilter};
 use frugal_core::frontier::{
-    CameraView, CostPoint, FrontierMap, FrontierStore, SampleCamera, SampleRef, ViewDirection,
+    CameraView, FrontierMap, FrontierStore, SampleCamera, SampleRef, ViewDirection,
 };
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
 
-use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, mixed_constants, oracle};
-use super::bootstrap::dominates;
+use super::baselines::{Oracle, Reactive, best_constant, best_of, ladder, mixed_constants, oracle};
 use super::result::{mean_error, mean_power};
 use super::{
     BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, MeterInterval,
@@ -31,9 +30,6 @@ pub enum Baselines {
 pub(super) const TRAINED: &str = "trained-constant";
 /// Name of the knob that `resolution-only` sets.
 const RESOLUTION_KNOB: &str = "resolution_scale";
-
-/// Baselines that have no more information about the path than the frugal run.
-const FAIR: [&str; 4] = [TRAINED, "reactive", "default", "resolution-only"];
 
 /// How many horizons a run lasts, at least.
 const HORIZONS: f64 = 2.0;
@@ -112,8 +108,12 @@ impl<'a> Trial<'a> {
     /// Simulates all runs under a budget.
     pub fn judge(&self, request: &BudgetRequest) -> EvaluationResult {
         let (record, path) = (self.record, &self.record.path);
-        let [lowest, highest] = [record.space.lowest(), record.space.highest()]
-            .map(|settings| self.mean(settings).power);
+        let mean_power = |settings: KnobLevels| {
+            let column = record.table.column(record.space.canonical(settings));
+            let mean = column.and_then(|column| record.table.mean(column, 0..record.table.rows()));
+            mean.map_or(Watts(f64::NAN), |cost| cost.power)
+        };
+        let [lowest, highest] = [record.space.lowest(), record.space.highest()].map(mean_power);
         let budget = request.resolve(lowest, highest);
         let mut warnings = vec![
             "runs are simulated from a record of the path: settings in transitions of the filter are interpolated".to_owned(),
@@ -136,50 +136,31 @@ impl<'a> Trial<'a> {
             }
             runs.extend(self.baselines(&budget, highest));
         }
-        let is_all = self.baselines == Baselines::All;
-        let (fps, ours) = (path.fps(), &runs[0].1);
-        let fair = runs.iter().filter(|(name, ..)| is_all && FAIR.contains(name));
-        let dominated_by = fair
-            .filter(|(_, series, _)| dominates(series, ours, fps))
-            .map(|(name, ..)| (*name).to_owned())
-            .collect();
         let result = |(name, series, note): Run| RunResult {
-            note,
-            ..RunResult::new(name, series, &budget, &record.space, fps)
+            note: note.map(str::to_owned),
+            ..RunResult::new(name, series, &budget, &record.space, path.fps())
         };
         let runs: Vec<RunResult> = runs.into_iter().map(result).collect();
         EvaluationResult {
             scene: self.scene.to_owned(),
             path: path.name().to_owned(),
             frames: path.poses().len(),
-            fps,
+            fps: path.fps(),
             size: self.size,
             meter: self.meter.clone(),
             budget,
             asked: request.to_string(),
-            gap_closed: gap(&runs, &budget),
             runs,
             drift: Default::default(),
             warnings,
-            dominated_by,
             spot_check: None,
         }
-    }
-
-    /// Mean cost of settings along the path.
-    fn mean(&self, settings: KnobLevels) -> CostPoint {
-        let table = &self.record.table;
-        let column = table.column(self.record.space.canonical(settings));
-        column
-            .and_then(|column| table.mean(column, 0..table.rows()))
-            .unwrap_or(CostPoint::new(f64::NAN, f64::NAN))
     }
 
     /// `best`: power of the best settings.
     fn baselines(&self, budget: &ResolvedBudget, best: Watts) -> Vec<Run> {
         let (record, space) = (self.record, &self.record.space);
         let fixed = |settings: KnobLevels| self.play(&mut Fixed(settings), budget);
-        let note = |text: &str| Some(text.to_owned());
         let is_all = self.baselines == Baselines::All;
         let mut runs = vec![
             ("maximum", fixed(space.highest()), None),
@@ -188,51 +169,43 @@ impl<'a> Trial<'a> {
             ("minimum", fixed(space.lowest()), None),
         ];
         if is_all && budget.error.is_some() {
-            let series =
-                measured(record, self.controller(budget).measuring(self.meter_interval), best);
-            runs.push((
-                "frugal-measured",
-                series,
-                note("error meter on, its power included; mean of minutes 20 to 40"),
-            ));
+            let mut controller = self.controller(budget);
+            controller.meter = Some(self.meter_interval);
+            let series = measured(record, controller, best);
+            let remark = "error meter on, its power included; mean of minutes 20 to 40";
+            runs.push(("frugal-measured", series, Some(remark)));
         }
         let scaled = levels_of(space, RESOLUTION_KNOB);
-        let scaled = record.table.with_columns(|settings| scaled.contains(&settings));
-        if let Some((settings, cost)) = best_constant(&scaled, budget) {
+        let scaled = record.table.means().filter(|(settings, _)| scaled.contains(settings));
+        if let Some((settings, cost)) = best_of(scaled, budget) {
             let is_met = budget.keeps(cost.power, cost.error);
-            let closest = "no resolution meets the budget: this is the closest".to_owned();
+            let closest = "no resolution meets the budget: this is the closest";
             runs.push(("resolution-only", fixed(settings), (!is_met).then_some(closest)));
         }
         if is_all {
             runs.push(("default", fixed(self.default), None));
+            if let Some((settings, _)) = best_constant(&record.table, budget) {
+                runs.push(("best-constant", fixed(settings), Some("tuned on this path")));
+            }
+            if let Some(mut mixed) = mixed_constants(&record.table, budget) {
+                let remark = "two constants in turns, tuned on this path";
+                runs.push(("mixed-constants", self.play(&mut mixed, budget), Some(remark)));
+            }
         }
-        if is_all && let Some((settings, _)) = best_constant(&record.table, budget) {
-            runs.push(("best-constant", fixed(settings), note("tuned on this path")));
-        }
-        if is_all && let Some(mut mixed) = mixed_constants(&record.table, budget) {
-            let series = self.play(&mut mixed, budget);
-            runs.push((
-                "mixed-constants",
-                series,
-                note("two constants in turns, tuned on this path"),
-            ));
-        }
-        if let Some(settings) = best_on(&self.map.shared, budget) {
-            runs.push((TRAINED, fixed(settings), note("tuned on the training cameras")));
+        let trained = self.map.shared.points().iter().map(|point| (point.settings, point.cost));
+        if let Some((settings, _)) = best_of(trained, budget) {
+            runs.push((TRAINED, fixed(settings), Some("tuned on the training cameras")));
         }
         if is_all {
             let one = OneFrontier(self.map);
             let mut shared = Controller::new(&one, budget, self.lens, self.control);
             let series = self.play(&mut shared, budget);
-            runs.push(("shared-frontier", series, note("one frontier for all views")));
+            runs.push(("shared-frontier", series, Some("one frontier for all views")));
             let (mut plain, filtered) = self.oracles(budget);
+            let remark = "knows the path in advance; settings are held for a second";
+            runs.push(("oracle", self.play(&mut plain, budget), Some(remark)));
+            runs.push(("oracle-filtered", filtered, Some("the same through the temporal filter")));
             let reactive = &mut Reactive::new(ladder(&self.map.shared), *budget);
-            runs.push((
-                "oracle",
-                self.play(&mut plain, budget),
-                note("knows the path in advance; settings are held for a second"),
-            ));
-            runs.push(("oracle-filtered", filtered, note("the same through the temporal filter")));
             runs.push(("reactive", self.play(reactive, budget), None));
         }
         runs
@@ -288,36 +261,21 @@ impl FrontierStore for OneFrontier<'_> {
 }
 
 /// Name, frames and remark of a run.
-type Run = (&'static str, Vec<FrameRecord>, Option<String>);
+type Run = (&'static str, Vec<FrameRecord>, Option<&'static str>);
 
 /// The second half of a long play with an error meter, its own power included. `best`: power of the best
 /// settings.
 fn measured(record: &PathRecord, mut controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
     record.simulate_for(&mut controller, PLAYED_SECONDS);
-    let before = controller.measurements();
+    let before = controller.measurements;
     let mut series = record.simulate_for(&mut controller, PLAYED_SECONDS);
     // Power is that of the recorded rate whatever is drawn, so that a frame's energy is a share of it.
     let seconds = series.len() as f64 / record.path.fps();
-    let share =
-        METER_FRAMES * f64::from(controller.measurements() - before) / (seconds * METER_FPS);
+    let share = METER_FRAMES * f64::from(controller.measurements - before) / (seconds * METER_FPS);
     for frame in &mut series {
         frame.power.0 += share * best.0;
     }
     series
-}
-
-fn gap(runs: &[RunResult], budget: &ResolvedBudget) -> Option<f64> {
-    let find = |name: &str| runs.iter().find(|run| run.name == name);
-    let (ours, constant, oracle) = (find("frugal")?, find("best-constant")?, find("oracle")?);
-    if !ours.met || !constant.met || !oracle.met {
-        return None;
-    }
-    let value = |run: &RunResult| {
-        if budget.power_w.is_some() { run.mean_error } else { run.mean_power_w.0 }
-    };
-    let (ours, constant, oracle) = (value(ours), value(constant), value(oracle));
-    let least = if budget.power_w.is_some() { 1e-4 } else { 1e-3 * constant };
-    (constant - oracle > least).then(|| (constant - ours) / (constant - oracle))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Comparisons on a record of known power and error.
 
-use frugal_core::frontier::{Frontier, FrontierPoint};
+use frugal_core::frontier::{CostPoint, Frontier, FrontierPoint};
 
 use super::*;
 use crate::testing::formula::{error, judged, map, power, recorded, space, trial};
@@ -118,14 +118,13 @@ fn the_trained_constant_is_chosen_by_other_cameras_and_played_here() {
 }
 
 #[test]
-fn the_oracle_and_the_best_constant_bound_the_gap() {
+fn the_oracle_is_no_worse_than_the_best_constant() {
     let map = map(space());
     let budget = BudgetRequest { power: Some(PowerBudget::Share(0.5)), ..Default::default() };
     let record = recorded(&map, Baselines::All);
     let result = trial(&record, &map, Baselines::All).judge(&budget);
     let [oracle, constant] = ["oracle", "best-constant"].map(|name| run(&result, name).mean_error);
     assert!(oracle <= constant + 1e-9, "{oracle} {constant}");
-    assert!(result.gap_closed.is_none_or(|gap| gap <= 1.0 + 1e-9), "{:?}", result.gap_closed);
 }
 
 #[test]

@@ -28,19 +28,17 @@ impl PathRecord {
     /// A record of `path` from a journal's lines; lines of other kinds, and incomplete runs, are
     /// left out.
     pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
-        let mut table = CostTable::new(path.poses().len());
+        let mut all = CostTable::new(path.poses().len());
         for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
-            table.set(frame, settings, cost);
+            all.set(frame, settings, cost);
         }
-        let complete: Vec<_> =
-            (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-        let complete: Vec<_> =
-            complete.into_iter().map(|column| table.settings()[column]).collect();
-        Self {
-            path: path.clone(),
-            space: space.clone(),
-            table: table.with_columns(|settings| complete.contains(&settings)),
+        let mut table = CostTable::new(all.rows());
+        for (column, settings) in all.settings().iter().enumerate() {
+            if all.is_complete(column) {
+                all.known(column).for_each(|(frame, cost)| table.set(frame, *settings, cost));
+            }
         }
+        Self { path: path.clone(), space: space.clone(), table }
     }
 
     /// Simulates a policy's run from this record.
@@ -84,9 +82,7 @@ impl PathRecord {
 
     /// Mean power of the cheapest and of the dearest settings that are known in every frame.
     pub fn power_range(&self) -> [Watts; 2] {
-        let means = (0..self.table.settings().len())
-            .filter_map(|column| self.table.mean(column, 0..self.table.rows()))
-            .map(|cost| cost.power.0);
+        let means = self.table.means().map(|(_, cost)| cost.power.0);
         let (low, high) = means
             .fold((f64::INFINITY, 0.0_f64), |(low, high), power| (low.min(power), high.max(power)));
         [Watts(low), Watts(high)]

@@ -6,7 +6,6 @@ use frugal_core::units::Watts;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{FrameRecord, ResolvedBudget};
-use crate::quantile::quantile;
 
 /// Relative change of the best settings' mean power from which drift is reported.
 const NOTABLE_DRIFT: f64 = 0.05;
@@ -45,14 +44,6 @@ pub struct EvaluationResult {
     pub drift: Drift,
     /// Warnings that qualify the figures.
     pub warnings: Vec<String>,
-    /// Share of the difference between the best constant and the oracle that the frugal run gains: of
-    /// error under a power budget, of power under an error budget. `None` without these runs, where
-    /// the difference is negligible, or one of the three exceeds the budget.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gap_closed: Option<f64>,
-    /// Baselines with no more information than the frugal run that dominate it, with 95 % confidence.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub dominated_by: Vec<String>,
     /// A rendered frugal run, for comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spot_check: Option<SpotCheck>,
@@ -228,6 +219,16 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
+/// The value at `share` (0 to 1) of `sorted`, with linear interpolation: 0.5 is the median. 0 for an
+/// empty slice.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let position = share * last as f64;
+    let below = position.floor() as usize;
+    let above = (below + 1).min(last);
+    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
+}
+
 /// Whole frame rates are written as integers: `30`.
 fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     if value.fract() == 0.0 && value.abs() < 1e9 {
@@ -286,5 +287,14 @@ mod tests {
             (Drift::between(&[frame(0, 2.0, 0.0)], &[frame(0, 2.1, 0.0)]).relative - 0.05).abs()
                 < 1e-12
         );
+    }
+
+    #[test]
+    fn quantiles_lie_between_neighbours() {
+        assert_eq!(quantile(&[1.0, 2.0, 3.0, 10.0], 0.5), 2.5);
+        assert_eq!(quantile(&[1.0], 0.99), 1.0);
+        assert_eq!(quantile(&[], 0.5), 0.0);
+        let hundred: Vec<f64> = (0..=100).map(f64::from).collect();
+        assert_eq!(quantile(&hundred, 0.99), 99.0);
     }
 }

@@ -4,14 +4,12 @@
 //! A row is a camera, or a frame of a path; a column is a combination of settings. Independent of
 //! the renderer.
 
-mod measure;
-
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
-
-pub use measure::{Batch, Measure, Measured};
+use frugal_trace::scene::CameraPose;
 
 /// Power and error by camera and settings. Settings that were not rendered are unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,12 +73,9 @@ impl CostTable {
 
     /// Mean error of the known costs of `settings`; `None` where none is known.
     pub fn known_mean_error(&self, settings: KnobLevels) -> Option<f64> {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for (_, cost) in self.known(self.column(settings)?) {
-            sum += cost.error;
-            count += 1.0;
-        }
-        (count > 0.0).then(|| sum / count)
+        let known: Vec<f64> =
+            self.known(self.column(settings)?).map(|(_, cost)| cost.error).collect();
+        (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
     }
 
     /// Mean of a column over `rows`; `None` where one of them is unknown, or `rows` is empty.
@@ -100,18 +95,10 @@ impl CostTable {
         (0..self.rows).all(|row| self.at(row, column).is_some())
     }
 
-    /// The table of the columns that `keep` accepts.
-    #[must_use]
-    pub fn with_columns(&self, mut keep: impl FnMut(KnobLevels) -> bool) -> Self {
-        let mut kept = Self::new(self.rows);
-        for (column, settings) in
-            self.settings.iter().enumerate().filter(|(_, settings)| keep(**settings))
-        {
-            kept.columns.insert(*settings, kept.settings.len());
-            kept.settings.push(*settings);
-            kept.costs.push(self.costs[column].clone());
-        }
-        kept
+    /// The settings that are known at every row, each with its mean cost.
+    pub fn means(&self) -> impl Iterator<Item = (KnobLevels, CostPoint)> + '_ {
+        let columns = self.settings.iter().enumerate();
+        columns.filter_map(|(column, one)| Some((*one, self.mean(column, 0..self.rows)?)))
     }
 
     /// The table of the cameras in `rows`, in that order.
@@ -124,6 +111,63 @@ impl CostTable {
         }
         kept
     }
+}
+
+/// Measures the cost of settings at a camera: by a renderer, or by a formula in tests.
+pub trait Measure {
+    /// Why a measurement failed.
+    type Error;
+
+    /// Power and error of `settings` in the last frame of a clip, the poses of consecutive frames.
+    ///
+    /// # Errors
+    /// When the rendering or the metering fails.
+    fn measure(
+        &mut self,
+        clip: &[CameraPose],
+        settings: KnobLevels,
+    ) -> Result<CostPoint, Self::Error>;
+
+    /// Measures all of `batches`, in order or side by side, and hands over each cost as it is known,
+    /// until `done` breaks.
+    ///
+    /// # Errors
+    /// When a rendering or its metering fails. What was handed over before counts.
+    fn measure_all(
+        &mut self,
+        batches: &[Batch],
+        done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    ) -> Result<(), Self::Error> {
+        for (batch, Batch { clip, settings }) in batches.iter().enumerate() {
+            for settings in settings.iter().copied() {
+                let cost = self.measure(clip, settings)?;
+                if done(Measured { batch, settings, cost }).is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Settings to measure at one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch {
+    /// The poses of consecutive frames.
+    pub clip: Vec<CameraPose>,
+    /// The settings.
+    pub settings: Vec<KnobLevels>,
+}
+
+/// A cost of [`Measure::measure_all`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Number of the batch.
+    pub batch: usize,
+    /// The settings.
+    pub settings: KnobLevels,
+    /// Their power and error.
+    pub cost: CostPoint,
 }
 
 #[cfg(test)]
@@ -149,10 +193,8 @@ mod tests {
         table.set(0, a, CostPoint::new(4.0, 0.3));
         assert!(table.is_complete(0));
         assert_eq!(table.mean(0, [0, 1]), Some(CostPoint::new(3.0, 0.2)));
-        let part = table.with_columns(|settings| settings == a).with_rows(&[1]);
-        assert_eq!(
-            (part.rows(), part.settings().len(), part.get(0, a)),
-            (1, 1, Some(CostPoint::new(2.0, 0.1)))
-        );
+        assert_eq!(table.means().collect::<Vec<_>>(), [(a, CostPoint::new(3.0, 0.2))]);
+        let part = table.with_rows(&[1]);
+        assert_eq!((part.rows(), part.get(0, a)), (1, Some(CostPoint::new(2.0, 0.1))));
     }
 }

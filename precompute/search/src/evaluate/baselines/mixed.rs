@@ -11,7 +11,7 @@ const TURN_SECONDS: f64 = 1.0;
 
 /// Two settings, and the share of the time that belongs to the second.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mixed {
+pub(in crate::evaluate) struct Mixed {
     settings: [KnobLevels; 2],
     share: f64,
     /// Seconds of the present turn, and how far the second's share is behind.
@@ -34,12 +34,11 @@ impl Policy for Mixed {
 
 /// The two constants between which a mean over a path meets `budget` with the least error, or the least
 /// power; the nearest one where none does. `None` for a table without a complete column.
-pub fn mixed_constants(table: &CostTable, budget: &ResolvedBudget) -> Option<Mixed> {
-    let means = table.settings().iter().enumerate();
-    let points = means.filter_map(|(column, settings)| {
-        let cost = table.mean(column, 0..table.rows())?;
-        Some(FrontierPoint { settings: *settings, cost })
-    });
+pub(in crate::evaluate) fn mixed_constants(
+    table: &CostTable,
+    budget: &ResolvedBudget,
+) -> Option<Mixed> {
+    let points = table.means().map(|(settings, cost)| FrontierPoint { settings, cost });
     let frontier = Frontier::from_points(points);
     let points = frontier.points();
     let (first, last) = (points.first()?, points.last()?);

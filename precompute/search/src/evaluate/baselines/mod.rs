@@ -17,13 +17,13 @@ mod oracle;
 mod reactive;
 
 use crate::table::CostTable;
-use frugal_core::frontier::{CostPoint, Frontier};
+use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
 
 use crate::evaluate::ResolvedBudget;
 
-pub use mixed::{Mixed, mixed_constants};
-pub use oracle::{Oracle, oracle};
+pub(super) use mixed::mixed_constants;
+pub(super) use oracle::{Oracle, oracle};
 pub use reactive::{Reactive, ladder};
 
 /// The best settings for `budget` by their mean costs, among those known at every camera of
@@ -36,23 +36,11 @@ pub fn best_constant(
     table: &CostTable,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {
-    let means = table.settings().iter().enumerate();
-    best_of(
-        means.filter_map(|(column, settings)| {
-            Some((*settings, table.mean(column, 0..table.rows())?))
-        }),
-        budget,
-    )
-}
-
-/// The same among the points of `trained`: mean costs at other cameras.
-pub fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
-    let points = trained.points().iter().map(|point| (point.settings, point.cost));
-    best_of(points, budget).map(|(settings, _)| settings)
+    best_of(table.means(), budget)
 }
 
 /// The same among arbitrary candidates.
-fn best_of(
+pub(super) fn best_of(
     candidates: impl IntoIterator<Item = (KnobLevels, CostPoint)>,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {

@@ -13,7 +13,7 @@ const HALVINGS: usize = 64;
 
 /// Settings of each frame, chosen in advance.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Oracle(pub Vec<KnobLevels>);
+pub(in crate::evaluate) struct Oracle(pub Vec<KnobLevels>);
 
 impl Policy for Oracle {
     fn decide(&mut self, frame: usize, _: f64, _: &Pose) -> Choice {
@@ -25,7 +25,7 @@ impl Policy for Oracle {
 /// frames' means (Everett 1963, "Generalized Lagrange multiplier method"), with the best rate that keeps
 /// the mean over the path. `hold`: frames of a second. `is_met` tests whether settings for all frames keep
 /// the budget, by the table alone or through a filter.
-pub fn oracle(
+pub(in crate::evaluate) fn oracle(
     table: &CostTable,
     budget: &ResolvedBudget,
     hold: usize,

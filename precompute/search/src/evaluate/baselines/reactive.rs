@@ -60,31 +60,21 @@ impl Reactive {
         let from = self.loads.len().checked_sub(frames)?;
         Some(self.loads[from..].iter().sum::<f64>() / frames as f64)
     }
-
-    fn step_to(&mut self, rung: usize) {
-        if rung != self.rung && rung < self.ladder.len() {
-            self.rung = rung;
-            self.loads.clear();
-        }
-    }
 }
 
 impl Policy for Reactive {
     fn decide(&mut self, _: usize, dt: f64, _: &Pose) -> Choice {
         self.dt = dt;
-        let saves_power = self.budget.power_w.is_some();
         let dwelt = self.loads.len() as f64 * dt >= DWELL_SECONDS;
         let is_over = dwelt && self.load(WINDOW_SECONDS).is_some_and(|load| load > 1.0);
         let has_room = self.load(ROOM_SECONDS).is_some_and(|load| load < ROOM);
         // Exceeding a power budget steps down; exceeding an error budget steps up.
-        match (is_over, has_room) {
-            (true, _) => {
-                self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 });
-            }
-            (false, true) => {
-                self.step_to(if saves_power { self.rung + 1 } else { self.rung.saturating_sub(1) });
-            }
-            (false, false) => {}
+        let step = if is_over { -1 } else { isize::from(has_room) };
+        let step = if self.budget.power_w.is_some() { step } else { -step };
+        let rung = self.rung.saturating_add_signed(step);
+        if rung != self.rung && rung < self.ladder.len() {
+            self.rung = rung;
+            self.loads.clear();
         }
         self.ladder.get(self.rung).copied().unwrap_or_default().into()
     }
