@@ -15,17 +15,15 @@
 //! | [`pipeline`] | all of it in order |
 //! | [`evaluate`] | policies simulated along a recorded path, and compared |
 //!
-//! Each module imports only those above it. `linalg`, `farthest` and `medoids` serve all.
+//! Each module imports only those above it. `linalg` serves all.
 
 pub mod cameras;
 pub mod cost;
 pub mod evaluate;
-mod farthest;
 pub mod files;
 mod fit;
 pub mod journal;
 mod linalg;
-mod medoids;
 pub mod pipeline;
 mod pool;
 mod search;

@@ -82,10 +82,7 @@ const TOOL: &[&str] = &[
 /// The search's parts.
 const SEARCH: &[&str] = &[
     "files",
-    "farthest",
-    "medoids",
     "linalg",
-    "quantile",
     "journal",
     "cameras",
     "view_features",

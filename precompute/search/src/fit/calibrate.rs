@@ -1,7 +1,8 @@
 //! Calibration of exchange rates to error budgets.
 
 use frugal_core::frontier::{ErrorRate, ErrorRates, Frontier};
-use frugal_core::knobs::KnobLevels;
+
+use crate::table::CostTable;
 
 /// Calibrated error budgets, times 0.001, 0.01 and 0.1: round numbers, about a tenth apart.
 const BUDGETS: [f64; 23] = [
@@ -23,13 +24,14 @@ const USUAL_SPREAD: f64 = 0.3;
 /// little of the spread.
 const USUAL_COUNT: f64 = 2.0;
 
-/// One calibration camera: its frontier by the map, and the rendered error of each of the
-/// frontier's settings.
+/// One calibration camera.
+#[derive(Clone, Copy)]
 pub(crate) struct Calibration<'a> {
     /// The frontier by the map.
     pub frontier: &'a Frontier,
-    /// The rendered error; `None` where not rendered.
-    pub error: &'a dyn Fn(KnobLevels) -> Option<f64>,
+    /// Rendered errors, and the camera's row there.
+    pub table: &'a CostTable,
+    pub row: usize,
 }
 
 /// The rate and the target that keep each budget, for `cameras` that did not contribute to their
@@ -48,47 +50,42 @@ pub(crate) fn calibrate(
     cameras: &[Calibration<'_>],
     uncertainty: &dyn Fn(f64) -> f64,
 ) -> ErrorRates {
-    let rates: Vec<f64> =
-        (0..=9 * STEPS).map(|step| 10_f64.powf(f64::from(step) / f64::from(STEPS) - 2.0)).collect();
+    let outcome = |step: i32| {
+        let rate = 10_f64.powf(f64::from(step) / f64::from(STEPS) - 2.0);
+        let (predictions, differences): (Vec<f64>, Vec<f64>) = cameras
+            .iter()
+            .filter_map(|camera| {
+                // The controller's own selection.
+                let picked = camera.frontier.least_sum(rate)?;
+                let error = camera.table.get(camera.row, picked.settings)?.error;
+                Some((picked.cost.error, error - picked.cost.error))
+            })
+            .unzip();
+        let predicted = mean(&predictions);
+        let [common, usual] = [uncertainty(predicted), USUAL_SPREAD].map(|part| part * predicted);
+        At { rate, predicted, bound: predicted + upper_bound(&differences, common, usual) }
+    };
+    let outcomes: Vec<At> = (0..=9 * STEPS).map(outcome).collect();
     let mut supported: Vec<ErrorRate> = Vec::new();
     let budgets =
         [1000.0, 100.0, 10.0].into_iter().flat_map(|part| BUDGETS.map(|budget| budget / part));
     for budget in budgets.filter(|budget| (RANGE.0..=RANGE.1).contains(budget)) {
-        let outcome = |rate: f64| {
-            let (predictions, differences): (Vec<f64>, Vec<f64>) = cameras
-                .iter()
-                .filter_map(|camera| {
-                    // The controller's own selection.
-                    let picked = camera.frontier.least_sum(rate)?;
-                    let error = (camera.error)(picked.settings)?;
-                    Some((picked.cost.error, error - picked.cost.error))
-                })
-                .unzip();
-            let predicted = mean(&predictions);
-            let [common, usual] =
-                [uncertainty(predicted), USUAL_SPREAD].map(|part| part * predicted);
-            At { rate, predicted, bound: predicted + upper_bound(&differences, common, usual) }
-        };
         // Apart from noise, errors fall as the rate rises: takes the least rate above which every
         // rate keeps the budget.
-        let (mut kept, mut exceeds) = (None, None);
-        for rate in rates.iter().rev() {
-            let at = outcome(*rate);
-            if at.bound <= budget {
-                kept = Some(at);
-            } else {
-                exceeds = Some(at);
-                break;
-            }
-        }
-        if let Some(kept) = kept {
-            let target = exceeds.map_or(kept.predicted, |exceeds| kept.towards(&exceeds, budget));
-            supported.push(ErrorRate {
-                budget,
-                watts_per_error: kept.rate,
-                predicted: (target.is_finite() && target > 0.0).then_some(target),
-            });
-        }
+        let exceeds = outcomes.iter().rposition(|at| at.bound.is_nan() || at.bound > budget);
+        let Some(kept) = outcomes.get(exceeds.map_or(0, |at| at + 1)) else { continue };
+        // The mean predicted error at which the bound reaches the budget, between this rate and the next
+        // lower one, which exceeds it.
+        let next = exceeds.map_or(kept, |at| &outcomes[at]);
+        let share = (budget - kept.bound) / (next.bound - kept.bound);
+        let more = (next.predicted - kept.predicted).max(0.0);
+        let target =
+            kept.predicted + if share.is_finite() { share.clamp(0.0, 1.0) * more } else { 0.0 };
+        supported.push(ErrorRate {
+            budget,
+            watts_per_error: kept.rate,
+            predicted: (target.is_finite() && target > 0.0).then_some(target),
+        });
     }
     // Because single frames are limited too, a smaller budget may need a lower rate. It then takes
     // the rate of the greater budget: the image is better, never worse.
@@ -101,26 +98,12 @@ pub(crate) fn calibrate(
 }
 
 /// What a rate gives at the cameras.
-#[derive(Clone, Copy, Debug)]
 struct At {
     rate: f64,
     /// Mean predicted error.
     predicted: f64,
     /// Upper confidence bound of the mean error.
     bound: f64,
-}
-
-impl At {
-    /// Mean predicted error at which the bound reaches `budget`, between this rate, which keeps it,
-    /// and `other`, which does not.
-    fn towards(&self, other: &Self, budget: f64) -> f64 {
-        let share = (budget - self.bound) / (other.bound - self.bound);
-        if share.is_finite() && other.predicted > self.predicted {
-            self.predicted + share.clamp(0.0, 1.0) * (other.predicted - self.predicted)
-        } else {
-            self.predicted
-        }
-    }
 }
 
 fn mean(values: &[f64]) -> f64 {

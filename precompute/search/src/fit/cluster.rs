@@ -6,7 +6,6 @@
 use frugal_core::frontier::CostPoint;
 
 use super::training::Estimate;
-use crate::farthest::{Farthest, farthest};
 use crate::pool::LEAST_ERROR;
 
 /// Assigns each of `estimates` to one of at most `most` clusters. Returns the cluster of each, and
@@ -17,9 +16,9 @@ pub(super) fn cluster(
     most: usize,
     least: f64,
 ) -> (Vec<usize>, Vec<Estimate>) {
-    let Farthest { chosen, nearest: assigned } =
+    let (centres, assigned) =
         farthest(estimates.len(), most, least, |a, b| distance(&estimates[a], &estimates[b]));
-    let means = (0..chosen.len())
+    let means = (0..centres.len())
         .map(|centre| {
             mean(estimates.iter().zip(&assigned).filter(|(_, of)| **of == centre).map(|(e, _)| e))
         })
@@ -60,6 +59,39 @@ fn mean<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Estimate {
     Estimate { costs: sum, weight }
 }
 
+/// Farthest-point selection (Gonzalez 1985): a few of many, far apart. At most doubles the greatest
+/// distance of the best choice.
+///
+/// Chooses at most `most` of `count` elements, beginning with the first; each is the farthest from
+/// those before it, and farther than `least` from all of them. NaN counts as no distance. Ties go
+/// to the first, so that the result is the same everywhere. Returns their numbers, in the order of
+/// choice, and for each element the place there of the nearest one; of a chosen one its own.
+fn farthest(
+    count: usize,
+    most: usize,
+    least: f64,
+    distance: impl Fn(usize, usize) -> f64,
+) -> (Vec<usize>, Vec<usize>) {
+    let mut nearest = vec![(f64::INFINITY, 0); count];
+    let mut chosen = Vec::new();
+    while chosen.len() < most {
+        let far = |a: &usize, b: &usize| nearest[*a].0.total_cmp(&nearest[*b].0).then(b.cmp(a));
+        let Some(next) = (0..count).max_by(far).filter(|next| nearest[*next].0 > least) else {
+            break;
+        };
+        for (other, nearest) in nearest.iter_mut().enumerate() {
+            let distance = distance(next, other);
+            if distance < nearest.0 {
+                *nearest = (distance, chosen.len());
+            }
+        }
+        // Never chosen again, and its own nearest.
+        nearest[next] = (f64::NEG_INFINITY, chosen.len());
+        chosen.push(next);
+    }
+    (chosen, nearest.into_iter().map(|(_, place)| place).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,5 +128,18 @@ mod tests {
         assert_eq!(cluster(&[], 5, 0.0), (vec![], vec![]));
         let odd = [estimate([f64::NAN, 0.1], 1.0), estimate([0.1, 0.1], 1.0)];
         assert_eq!(cluster(&odd, 5, 0.0).0.len(), 2, "invalid estimates do not panic");
+    }
+
+    #[test]
+    fn each_is_the_farthest_from_those_before_it() {
+        let at = [0.0_f64, 1.0, 10.0, 4.0, 10.0];
+        let apart = |a: usize, b: usize| (at[a] - at[b]).abs();
+        let all = farthest(at.len(), 9, f64::NEG_INFINITY, apart);
+        assert_eq!(all.0, [0, 2, 3, 1, 4], "equal elements too");
+        let few = farthest(at.len(), 3, 0.0, apart);
+        assert_eq!(few, (vec![0, 2, 3], vec![0, 0, 1, 2, 1]));
+        assert_eq!(farthest(at.len(), 9, 5.0, apart).0, [0, 2]);
+        assert!(farthest(0, 3, 0.0, apart).0.is_empty());
+        assert_eq!(farthest(3, 9, 0.0, |_, _| f64::NAN).0, [0, 1, 2]);
     }
 }

@@ -1,50 +1,52 @@
-//! Estimated costs of settings, by address.
+//! Estimated costs of settings, by address, from nearby cameras: kernel regression (Nadaraya 1964, Watson
+//! 1964).
+//!
+//! A rendered camera predicts costs of views metres and tens of degrees away. Errors are averaged
+//! without a logarithm: budgets limit their arithmetic mean, which a mean of logarithms underestimates
+//! the more views differ.
 
 use std::collections::BTreeMap;
 
 use frugal_core::frontier::{Address, Bounds, CameraView, CostPoint, Leaf, address_in};
+use glam::Vec3;
 
 use super::regression::Viewpoint;
-use super::smooth::Smoother;
 use super::training::{Estimate, Training};
 
+/// Prior weight of the shared estimate, in cameras at the exact viewpoint.
+const SHARED_WEIGHT: f64 = 0.1;
+
 /// Each camera's address at every depth of a uniformly divided octree.
-#[derive(Clone, Debug)]
-pub(crate) struct Keys {
+pub(super) struct Keys {
     /// By depth, then by camera.
     pub addresses: Vec<Vec<Address>>,
     /// Position of each camera, normalised to the bounds.
-    pub positions: Vec<glam::Vec3>,
+    pub positions: Vec<Vec3>,
+    viewpoints: Vec<Viewpoint>,
     bounds: Bounds,
     levels: u8,
 }
 
 impl Keys {
     /// Addresses of `views` in an octree of up to `levels` levels over `bounds`.
-    pub(crate) fn new(bounds: &Bounds, levels: u8, views: &[CameraView]) -> Self {
+    pub(super) fn new(bounds: &Bounds, levels: u8, views: &[CameraView]) -> Self {
         let positions: Vec<_> = views.iter().map(|view| bounds.to_unit(view.position)).collect();
         let at_depth = |depth: u8| {
-            let address = |view: &CameraView| {
-                address_in(
-                    bounds,
-                    levels,
-                    leaf_at(levels, depth, bounds.to_unit(view.position)),
-                    view,
-                )
-            };
-            views.iter().map(address).collect()
+            let leaves = positions.iter().map(|position| leaf_at(levels, depth, *position));
+            let all = leaves.zip(views);
+            all.map(|(leaf, view)| address_in(bounds, levels, leaf, view)).collect()
         };
-        Self { addresses: (0..=levels).map(at_depth).collect(), positions, bounds: *bounds, levels }
+        let addresses = (0..=levels).map(at_depth).collect();
+        let viewpoints = views.iter().map(Viewpoint::from).collect();
+        Self { addresses, positions, viewpoints, bounds: *bounds, levels }
     }
 
     /// The viewpoint that an address stands for.
-    pub(crate) fn viewpoint(&self, address: Address) -> Viewpoint {
-        let unit =
-            glam::Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
-        let rotation = address.direction.rotation();
+    fn viewpoint(&self, address: Address) -> Viewpoint {
+        let unit = Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
         Viewpoint::from(&CameraView {
             position: self.bounds.from_unit(unit),
-            rotation,
+            rotation: address.direction.rotation(),
             vertical_fov: 1.0,
             aspect: 1.0,
         })
@@ -60,24 +62,20 @@ pub(super) fn leaf_at(levels: u8, depth: u8, position: glam::Vec3) -> Leaf {
     Leaf { min, size }
 }
 
-/// Estimates at every depth from a subset of the cameras: shared, and for each address with
-/// cameras.
-#[derive(Clone, Debug)]
+/// Estimates at every depth from a subset of the cameras and unrendered views: shared, and for each
+/// address with cameras.
 pub(super) struct Pyramid<'a> {
-    smoother: &'a Smoother<'a>,
+    training: &'a Training,
+    keys: &'a Keys,
     cameras: Vec<usize>,
+    /// The mean over all rendered cameras.
     pub shared: Estimate,
     /// Cameras at each address, by depth.
     members: Vec<BTreeMap<Address, Vec<usize>>>,
 }
 
 impl<'a> Pyramid<'a> {
-    pub(super) fn new(
-        training: &Training,
-        smoother: &'a Smoother<'a>,
-        keys: &Keys,
-        cameras: &[usize],
-    ) -> Self {
+    pub(super) fn new(training: &'a Training, keys: &'a Keys, cameras: Vec<usize>) -> Self {
         let of_depth = |addresses: &Vec<Address>| {
             let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
             cameras
@@ -88,42 +86,59 @@ impl<'a> Pyramid<'a> {
         let members = keys.addresses.iter().map(of_depth).collect();
         let rendered: Vec<usize> =
             cameras.iter().copied().filter(|camera| *camera < training.cameras()).collect();
-        Self { smoother, cameras: cameras.to_vec(), shared: training.mean(&rendered), members }
+        Self { training, keys, cameras, shared: training.mean(&rendered), members }
     }
 
     /// The estimate at an address: at the viewpoints of its cameras, or at its own where it has
     /// none.
-    pub(super) fn address(&self, keys: &Keys, address: Address, depth: usize) -> Estimate {
+    pub(super) fn address(&self, address: Address, depth: usize) -> Estimate {
         match self.members[depth].get(&address) {
-            Some(members) => self.viewpoints(members),
-            None => self.smoother.at(&[keys.viewpoint(address)], &self.cameras, &self.shared),
+            Some(members) => self.of_cameras(members),
+            None => self.at(&[self.keys.viewpoint(address)]),
         }
     }
 
-    /// The viewpoint of a camera, or of an unrendered view.
-    pub(super) fn viewpoint(&self, camera: usize) -> Viewpoint {
-        self.smoother.viewpoint(camera)
+    /// The mean estimate at several cameras' viewpoints.
+    pub(super) fn of_cameras(&self, cameras: &[usize]) -> Estimate {
+        let viewpoint = |camera: &usize| self.keys.viewpoints[*camera];
+        self.at(&cameras.iter().map(viewpoint).collect::<Vec<_>>())
     }
 
-    /// The mean estimate at several cameras' viewpoints.
-    pub(super) fn viewpoints(&self, cameras: &[usize]) -> Estimate {
-        let viewpoints: Vec<Viewpoint> =
-            cameras.iter().map(|camera| self.viewpoint(*camera)).collect();
-        self.smoother.at(&viewpoints, &self.cameras, &self.shared)
+    /// Mean costs at `viewpoints`, shrunk towards the shared ones.
+    fn at(&self, viewpoints: &[Viewpoint]) -> Estimate {
+        let count = viewpoints.len().max(1) as f64;
+        let mut sums = vec![0.0; self.cameras.len()];
+        for viewpoint in viewpoints {
+            for (sum, camera) in sums.iter_mut().zip(&self.cameras) {
+                let steps = viewpoint.steps(&self.keys.viewpoints[*camera]);
+                *sum += f64::from((-steps).exp()) / count;
+            }
+        }
+        let weight = sums.iter().sum();
+        let all = self.cameras.iter().zip(sums);
+        let weights: Vec<(&[CostPoint], f64)> = all
+            .filter(|(_, weight)| *weight > 1e-4)
+            .map(|(camera, weight)| (self.training.costs(*camera), weight))
+            .collect();
+        let total = SHARED_WEIGHT + weights.iter().map(|(_, weight)| weight).sum::<f64>();
+        let mean = |setting: usize, value: fn(&CostPoint) -> f64| {
+            let sum: f64 =
+                weights.iter().map(|(costs, weight)| weight * value(&costs[setting])).sum();
+            (sum + SHARED_WEIGHT * value(&self.shared.costs[setting])) / total
+        };
+        let blend = |setting: usize| {
+            let power = mean(setting, |cost| cost.power.0.max(1e-9).ln()).exp();
+            CostPoint::new(power, mean(setting, |cost| cost.error))
+        };
+        Estimate { costs: (0..self.shared.costs.len()).map(blend).collect(), weight }
     }
 
     /// Mean difference of estimates at depth `finer` from those of `depth`, over `cameras` and
     /// settings.
-    pub(super) fn distance(
-        &self,
-        keys: &Keys,
-        cameras: &[usize],
-        depth: usize,
-        finer: usize,
-    ) -> CostPoint {
+    pub(super) fn distance(&self, cameras: &[usize], depth: usize, finer: usize) -> CostPoint {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0_f64);
         for camera in cameras {
-            let at = |depth: usize| self.address(keys, keys.addresses[depth][*camera], depth);
+            let at = |depth: usize| self.address(self.keys.addresses[depth][*camera], depth);
             for (coarse, fine) in at(depth).costs.iter().zip(&at(finer).costs) {
                 power += (coarse.power.0 - fine.power.0).abs();
                 error += (coarse.error - fine.error).abs();

@@ -1,8 +1,7 @@
 //! Estimates for each camera from the others, and the costs of their selections there.
 
-use frugal_core::frontier::{CameraView, CostPoint};
+use frugal_core::frontier::CostPoint;
 
-use super::Smoother;
 use super::estimate::{Keys, Pyramid};
 use super::training::{Estimate, Training};
 
@@ -22,55 +21,33 @@ fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> 
     splits.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
 }
 
-/// Estimates of each camera's costs from the cameras of other folds.
-pub(super) struct HeldOut {
-    /// The shared one, by camera.
-    pub shared: Vec<Estimate>,
-    /// That of the camera's address in the octree, by camera.
-    pub octree: Vec<Estimate>,
+/// Estimates of each camera's costs from the cameras of other folds: the shared one, and that of the
+/// camera's address in the octree, each by camera. `depths`: of the octree's leaf of each camera. In each
+/// fold the unrendered views, too, are predicted without the cameras that are held out.
+pub(super) fn held_out(training: &Training, keys: &Keys, depths: &[usize]) -> [Vec<Estimate>; 2] {
+    let mut estimates = [0; 2].map(|_| vec![Estimate::default(); training.cameras()]);
+    for (out, mut kept) in folds(training) {
+        let known = training.without(&out);
+        kept.extend(known.cameras()..known.views());
+        let pyramid = Pyramid::new(&known, keys, kept);
+        for camera in out {
+            let depth = depths[camera];
+            estimates[0][camera] = pyramid.shared.clone();
+            estimates[1][camera] = pyramid.address(keys.addresses[depth][camera], depth);
+        }
+    }
+    estimates
 }
 
-impl HeldOut {
-    /// `depths`: of the octree's leaf of each camera. In each fold the unrendered views, too, are
-    /// predicted without the cameras that are held out.
-    pub(super) fn new(
-        training: &Training,
-        views: &[CameraView],
-        keys: &Keys,
-        depths: &[usize],
-    ) -> Self {
-        let none = vec![Estimate::default(); training.cameras()];
-        let mut estimates = Self { shared: none.clone(), octree: none };
-        for (out, mut kept) in folds(training) {
-            let known = training.without(&out);
-            let smoother = Smoother::new(&known, views);
-            kept.extend(known.cameras()..known.views());
-            let pyramid = Pyramid::new(&known, &smoother, keys, &kept);
-            for camera in out {
-                let depth = depths[camera];
-                let address = keys.addresses[depth][camera];
-                estimates.shared[camera] = pyramid.shared.clone();
-                estimates.octree[camera] = pyramid.address(keys, address, depth);
-            }
-        }
-        estimates
-    }
-
-    /// Mean losses of the shared frontier and of the octree over the cameras on tracks, where there
-    /// are enough: cost of the selected settings above the optimum, as a share of it.
-    pub(super) fn losses(&self, training: &Training) -> [f64; 2] {
-        let cameras = training.representative();
-        let count = cameras.len().max(1) as f64;
-        let power = |camera: usize| {
-            training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max)
-        };
-        let scale =
-            (0..training.cameras()).map(power).sum::<f64>() / training.cameras().max(1) as f64;
-        [&self.shared, &self.octree].map(|estimates| {
-            cameras.iter().map(|one| loss(training, *one, &estimates[*one], scale)).sum::<f64>()
-                / count
-        })
-    }
+/// Mean loss of estimates over the cameras on tracks, where there are enough: cost of the selected
+/// settings above the optimum, as a share of it.
+pub(super) fn mean_loss(training: &Training, estimates: &[Estimate]) -> f64 {
+    let cameras = training.representative();
+    let power =
+        |camera: usize| training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max);
+    let scale = (0..training.cameras()).map(power).sum::<f64>() / training.cameras().max(1) as f64;
+    let losses = cameras.iter().map(|one| loss(training, *one, &estimates[*one], scale));
+    losses.sum::<f64>() / cameras.len().max(1) as f64
 }
 
 /// Mean over the rates of the selection's cost at `camera` above the optimum there.

@@ -60,14 +60,20 @@ pub(super) struct Regression {
     views: Vec<DescribedView>,
     /// Mean and standard deviation of each feature.
     scale: Vec<(f64, f64)>,
-    /// Mean logarithm of each setting's error.
-    means: Vec<f64>,
-    /// By setting, then by view.
-    weights: Vec<Vec<f64>>,
     /// Inverse of the views' covariance.
     inverse: Vec<Vec<f64>>,
-    /// Variance of each setting's logarithm, in units of the covariance's.
-    variances: Vec<f64>,
+    /// By setting.
+    settings: Vec<Logarithm>,
+}
+
+/// What is known of the logarithm of a setting's error.
+#[derive(Clone, Debug)]
+struct Logarithm {
+    mean: f64,
+    /// By view.
+    weights: Vec<f64>,
+    /// In units of the covariance's.
+    variance: f64,
 }
 
 impl Regression {
@@ -83,7 +89,7 @@ impl Regression {
             return None;
         }
         let n = count as f64;
-        let scale = (0..features)
+        let scale: Vec<(f64, f64)> = (0..features)
             .map(|feature| {
                 let values = || views.iter().map(|view| view.features[feature]);
                 let mean = values().sum::<f64>() / n;
@@ -91,54 +97,36 @@ impl Regression {
                 (mean, variance.sqrt() + 1e-6)
             })
             .collect();
-        let mut regression = Self {
-            views: Vec::new(),
-            scale,
-            means: Vec::new(),
-            weights: Vec::new(),
-            inverse: Vec::new(),
-            variances: Vec::new(),
-        };
         let views: Vec<DescribedView> =
-            views.into_iter().map(|view| regression.scaled(view)).collect();
+            views.into_iter().map(|view| scaled(view, &scale)).collect();
         let covariance: Vec<Vec<f64>> = (0..count)
             .map(|a| {
                 let noise = |b: usize| if a == b { NOISE } else { 0.0 };
                 (0..count).map(|b| covariance(&views[a], &views[b]) + noise(b)).collect()
             })
             .collect();
-        regression.inverse = inverse(&cholesky(&covariance)?);
-        regression.views = views;
-        for setting in 0..errors.first().map_or(0, Vec::len) {
+        let inverse = inverse(&cholesky(&covariance)?);
+        let of_setting = |setting: usize| {
             let logarithms: Vec<f64> =
                 errors.iter().map(|of_view| (of_view[setting] + LEAST_ERROR).ln()).collect();
             let mean = logarithms.iter().sum::<f64>() / n;
             let beyond: Vec<f64> = logarithms.iter().map(|logarithm| logarithm - mean).collect();
-            let weights: Vec<f64> =
-                regression.inverse.iter().map(|row| dot(row, &beyond)).collect();
+            let weights: Vec<f64> = inverse.iter().map(|row| dot(row, &beyond)).collect();
             // By the residuals with each view left out (Rasmussen and Williams, equation 5.12).
             let squares: f64 = weights
                 .iter()
                 .enumerate()
-                .map(|(view, weight)| weight * weight / regression.inverse[view][view])
+                .map(|(view, weight)| weight * weight / inverse[view][view])
                 .sum();
-            regression.means.push(mean);
-            regression.weights.push(weights);
-            regression.variances.push(squares / n);
-        }
-        Some(regression)
-    }
-
-    fn scaled(&self, mut view: DescribedView) -> DescribedView {
-        for (value, (mean, deviation)) in view.features.iter_mut().zip(&self.scale) {
-            *value = (*value - mean) / deviation;
-        }
-        view
+            Logarithm { mean, weights, variance: squares / n }
+        };
+        let settings = (0..errors[0].len()).map(of_setting).collect();
+        Some(Self { views, scale, inverse, settings })
     }
 
     /// Expected errors of all settings at a view: arithmetic means, as budgets need them.
     pub(super) fn errors(&self, view: &DescribedView) -> Vec<f64> {
-        let view = self.scaled(view.clone());
+        let view = scaled(view.clone(), &self.scale);
         let to_views: Vec<f64> = self.views.iter().map(|other| covariance(&view, other)).collect();
         let explained: f64 = self
             .inverse
@@ -147,14 +135,22 @@ impl Regression {
             .map(|(row, to_view)| to_view * dot(row, &to_views))
             .sum();
         let left = (covariance(&view, &view) - explained + NOISE).max(0.0);
-        let error = |setting: usize| {
-            let logarithm = self.means[setting] + dot(&self.weights[setting], &to_views);
+        let error = |Logarithm { mean, weights, variance }: &Logarithm| {
             // The mean of a log-normal error.
-            let error = (logarithm + self.variances[setting] * left / 2.0).exp() - LEAST_ERROR;
+            let logarithm = mean + dot(weights, &to_views) + variance * left / 2.0;
+            let error = logarithm.exp() - LEAST_ERROR;
             if error.is_finite() { error.clamp(0.0, 2.0) } else { 2.0 }
         };
-        (0..self.means.len()).map(error).collect()
+        self.settings.iter().map(error).collect()
     }
+}
+
+/// `view` with features of mean 0 and variance 1; `scale`: of each feature.
+fn scaled(mut view: DescribedView, scale: &[(f64, f64)]) -> DescribedView {
+    for (value, (mean, deviation)) in view.features.iter_mut().zip(scale) {
+        *value = (*value - mean) / deviation;
+    }
+    view
 }
 
 /// Covariance of two views' errors, for features of variance 1.

@@ -16,8 +16,7 @@ pub(crate) struct Training {
     settings: Vec<KnobLevels>,
     /// By camera, then by setting.
     costs: Vec<Vec<CostPoint>>,
-    groups: Vec<u32>,
-    on_track: Vec<usize>,
+    cameras: Vec<MovingCamera>,
     /// What the views show, of the cameras and of the unrendered views after them; empty without
     /// unrendered views.
     seen: Vec<DescribedView>,
@@ -30,25 +29,16 @@ impl Training {
         cameras: &[MovingCamera],
         settings: &[KnobLevels],
     ) -> (Self, Vec<usize>) {
-        let mut training = Self {
-            settings: settings.to_vec(),
-            costs: Vec::new(),
-            groups: Vec::new(),
-            on_track: Vec::new(),
-            seen: Vec::new(),
-        };
+        let (settings, costs) = (settings.to_vec(), Vec::new());
+        let mut training = Self { settings, costs, cameras: Vec::new(), seen: Vec::new() };
         let mut rows = Vec::new();
+        let is_valid = |cost: &CostPoint| cost.power.0 > 0.0 && cost.error >= 0.0;
         for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
-            let costs: Option<Vec<CostPoint>> =
-                settings.iter().map(|settings| table.get(row, *settings)).collect();
-            if let Some(costs) = costs
-                .filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0 && cost.error >= 0.0))
-            {
-                if camera.is_on_track() {
-                    training.on_track.push(training.costs.len());
-                }
+            let known = training.settings.iter().map(|settings| table.get(row, *settings));
+            let costs = known.collect::<Option<Vec<CostPoint>>>();
+            if let Some(costs) = costs.filter(|costs| costs.iter().all(is_valid)) {
                 training.costs.push(costs);
-                training.groups.push(camera.group);
+                training.cameras.push(*camera);
                 rows.push(row);
             }
         }
@@ -62,7 +52,7 @@ impl Training {
         cameras: Vec<DescribedView>,
         unrendered: Vec<DescribedView>,
     ) -> Self {
-        if cameras.len() == self.groups.len() {
+        if cameras.len() == self.cameras() {
             self.seen = cameras;
             self.seen.extend(unrendered);
         }
@@ -100,7 +90,7 @@ impl Training {
 
     /// Number of cameras.
     pub(crate) fn cameras(&self) -> usize {
-        self.groups.len()
+        self.cameras.len()
     }
 
     /// Number of cameras and unrendered views with costs.
@@ -115,16 +105,15 @@ impl Training {
 
     /// Cross-validation group: cameras of one group are held out together.
     pub(crate) fn group(&self, camera: usize) -> u32 {
-        self.groups[camera]
+        self.cameras[camera].group
     }
 
     /// Cameras on tracks, which are representative of an app; all cameras where those are too few.
     pub(crate) fn representative(&self) -> Vec<usize> {
-        if self.on_track.len() >= LEAST_ON_TRACK {
-            self.on_track.clone()
-        } else {
-            (0..self.cameras()).collect()
-        }
+        let all = 0..self.cameras();
+        let is_on_track = |camera: &usize| self.cameras[*camera].is_on_track();
+        let on_track: Vec<usize> = all.clone().filter(is_on_track).collect();
+        if on_track.len() >= LEAST_ON_TRACK { on_track } else { all.collect() }
     }
 
     /// Mean costs over `cameras`; empty without cameras.
@@ -137,14 +126,8 @@ impl Training {
             };
             CostPoint::new(sum(|cost| cost.power.0), sum(|cost| cost.error))
         };
-        Estimate {
-            costs: if cameras.is_empty() {
-                Vec::new()
-            } else {
-                (0..self.settings.len()).map(mean).collect()
-            },
-            weight: cameras.len() as f64,
-        }
+        let settings = if cameras.is_empty() { 0 } else { self.settings.len() };
+        Estimate { costs: (0..settings).map(mean).collect(), weight: cameras.len() as f64 }
     }
 
     /// The frontier of an estimate.

@@ -1,12 +1,12 @@
 //! Calibration of error budgets by a search's cameras.
 
-use frugal_core::frontier::{CameraView, ErrorRates, Frontier, look_up_in};
+use frugal_core::frontier::{ErrorRates, look_up_in};
 use frugal_core::knobs::KnobLevels;
 
+use super::finish::Costs;
 use super::{PlayShare, Subject};
-use crate::cameras::{CameraSet, MovingCamera};
+use crate::cameras::{CameraSet, MovingCamera, view_from};
 use crate::fit::{Calibration, Fitted, calibrate};
-use crate::table::CostTable;
 
 /// Cameras of tracks that are enough to calibrate by them alone.
 const ENOUGH_ON_TRACKS: usize = 20;
@@ -14,25 +14,10 @@ const ENOUGH_ON_TRACKS: usize = 20;
 /// A camera by which error budgets are calibrated.
 struct Judge<'a> {
     camera: MovingCamera,
-    /// Its frontier by cameras without it.
-    frontier: &'a Frontier,
-    /// Its errors, and its row there.
-    table: &'a CostTable,
-    row: usize,
+    /// Its frontier by cameras without it, and its errors.
+    calibration: Calibration<'a>,
     /// Whether it has rendered the whole pool.
     is_full: bool,
-}
-
-/// Costs by which error budgets are calibrated.
-pub(super) struct Evidence<'a> {
-    /// At the training cameras.
-    pub training: &'a CostTable,
-    /// Numbers of those in the fit.
-    pub rows: &'a [usize],
-    /// Whether a training camera has rendered the whole pool.
-    pub is_full: &'a dyn Fn(usize) -> bool,
-    /// At the calibration cameras.
-    pub calibration: &'a CostTable,
 }
 
 /// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
@@ -44,28 +29,23 @@ pub(super) fn calibrated(
     subject: &Subject<'_>,
     cameras: &CameraSet,
     fitted: &Fitted,
-    evidence: &Evidence<'_>,
+    (costs, rows, pool): (&Costs, &[usize], &[KnobLevels]),
     played: &PlayShare,
 ) -> ErrorRates {
-    let Evidence { training, rows, is_full, calibration } = *evidence;
-    let error = |table: &'_ CostTable, row: usize, settings: KnobLevels| {
-        Some(table.get(row, settings)?.error)
-    };
-    let views = views(&cameras.calibration, subject.lens);
-    let apart = views.iter().enumerate().take(calibration.rows()).filter_map(|(row, view)| {
-        let frontier = look_up_in(&fitted.octree, subject.bounds, view)?.frontier;
+    let apart = (0..costs.calibration.rows()).filter_map(|row| {
         let camera = cameras.calibration[row];
-        Some(Judge { camera, frontier, table: calibration, row, is_full: true })
+        let view = view_from(&camera.pose, subject.lens);
+        let frontier = look_up_in(&fitted.octree, subject.bounds, &view)?.frontier;
+        let calibration = Calibration { frontier, table: &costs.calibration, row };
+        Some(Judge { camera, calibration, is_full: true })
     });
     let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| Judge {
         camera: cameras.training[*row],
-        frontier,
-        table: training,
-        row: *row,
-        is_full: is_full(*row),
+        calibration: Calibration { frontier, table: &costs.training, row: *row },
+        is_full: pool.iter().all(|one| costs.rendered.get(*row, *one).is_some()),
     });
     let mut all: Vec<Judge<'_>> =
-        apart.chain(crossed).filter(|judge| !judge.frontier.is_empty()).collect();
+        apart.chain(crossed).filter(|judge| !judge.calibration.frontier.is_empty()).collect();
     let on_track = |judge: &Judge<'_>| judge.camera.is_on_track();
     if all.iter().filter(|judge| judge.is_full && on_track(judge)).count() >= ENOUGH_ON_TRACKS {
         all.retain(|judge| judge.is_full);
@@ -75,24 +55,6 @@ pub(super) fn calibrated(
     }
     // Groups are numbered along tracks.
     all.sort_by_key(|judge| judge.camera.group);
-    let all: Vec<_> = all
-        .into_iter()
-        .map(|Judge { frontier, table, row, .. }| {
-            (frontier, move |settings: KnobLevels| error(table, row, settings))
-        })
-        .collect();
-    let cameras: Vec<Calibration<'_>> =
-        all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
+    let cameras: Vec<Calibration<'_>> = all.iter().map(|judge| judge.calibration).collect();
     calibrate(&cameras, &|error| played.uncertainty(error))
-}
-
-/// The views of cameras through a lens: vertical field of view in radians, and width ÷ height.
-pub(super) fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
-    let view = |camera: &MovingCamera| CameraView {
-        position: camera.pose.position,
-        rotation: camera.pose.rotation,
-        vertical_fov: lens.0,
-        aspect: lens.1,
-    };
-    cameras.iter().map(view).collect()
 }

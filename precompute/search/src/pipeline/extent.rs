@@ -2,7 +2,7 @@
 
 use frugal_core::knobs::KnobSpace;
 
-use super::{Job, PipelineError, Purpose, Renderings};
+use super::{PipelineError, Purpose, Renderings, jobs};
 use crate::pool::screening_settings;
 use crate::table::Measure;
 
@@ -90,15 +90,14 @@ impl Extent {
         first_pilot: Option<usize>,
         renderings: &mut Renderings<'_, M>,
     ) -> Result<Self, PipelineError<M::Error>> {
-        if !renderings.is_limited() {
+        if renderings.setup.limit.is_none() {
             return Ok(Self::WHOLE);
         }
         let settings = screening_settings(space, false);
-        let jobs = first_pilot.map(|camera| Job { purpose: Purpose::Training, camera, settings });
-        renderings.batch("screening", jobs.as_slice())?;
+        let jobs = jobs(Purpose::Training, first_pilot.as_slice(), &settings);
+        renderings.batch("screening", &jobs)?;
         for (extent, worth) in Self::WORTH {
-            let enough = |renderings: &Renderings<'_, M>| renderings.has_time(worth, 1.0);
-            if renderings.decide(&format!("{worth} renderings"), enough)? {
+            if renderings.has_time(&format!("{worth} renderings"), worth, 1.0)? {
                 return Ok(extent);
             }
         }

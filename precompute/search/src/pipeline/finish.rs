@@ -1,50 +1,42 @@
-//! The end of a search: costs as in play, the fit, calibration.
+//! The end of a search: costs as in play, the fit, calibration, the map.
 
-use frugal_core::frontier::CameraView;
+use frugal_core::frontier::{
+    CameraView, Capture, FrontierMap, KnobEffects, SceneIdentity, Thresholds,
+};
+use frugal_core::power::MeterInfo;
 
-use super::budgets::{Evidence, calibrated, views};
+use super::budgets::calibrated;
 use super::modelled::{Modelled, readings};
-use super::{Extent, Features, Outcome, Purpose, Rendered, Renderings, Subject, table};
-use crate::cameras::{CameraSet, MovingCamera};
-use crate::cost::CostModel;
+use super::{Extent, Outcome, PipelineConfig, Purpose, Rendered, Renderings, Subject, table};
+use crate::cameras::{CameraSet, MovingCamera, view_from};
+use crate::cost::{CostModel, saved_joules, work_prices};
 use crate::fit::{DescribedView, FitConfig, Training, fit};
 use crate::pool::Screening;
 use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
-/// What a search found.
-pub(super) struct Found<'a> {
-    pub extent: Extent,
-    pub cameras: &'a CameraSet,
-    pub screening: Screening,
-    pub rendered: Rendered,
-    /// Views that no camera has rendered.
-    pub unrendered: &'a [MovingCamera],
-    pub features: Features,
-}
-
 /// Costs of the pool.
-struct Costs {
+pub(super) struct Costs {
     /// At all training cameras, as rendered.
-    rendered: CostTable,
+    pub rendered: CostTable,
     /// The same with power by the model, and with all errors, as in play.
-    training: CostTable,
+    pub training: CostTable,
     /// At the calibration cameras, errors as in play.
-    calibration: CostTable,
+    pub calibration: CostTable,
     model: CostModel,
 }
 
 impl Costs {
     fn of<M: Measure>(
         subject: &Subject<'_>,
-        found: &Found<'_>,
+        cameras: &CameraSet,
+        Rendered { pool, counts, played, completion }: &Rendered,
         renderings: &Renderings<'_, M>,
     ) -> Self {
-        let Rendered { pool, counts, played, completion } = &found.rendered;
         let table = |purpose: Purpose, count: usize| {
             table(renderings, purpose, &(0..count).collect::<Vec<_>>(), pool)
         };
-        let rendered = table(Purpose::Training, found.cameras.training.len());
+        let rendered = table(Purpose::Training, cameras.training.len());
         let calibration = table(Purpose::Calibration, counts[1]);
         let modelled = Modelled::of(subject, &rendered);
         let Modelled { table: clips, model, .. } = match completion {
@@ -57,32 +49,31 @@ impl Costs {
     }
 }
 
-/// Fits the octree and calibrates error budgets.
+/// Fits the octree and calibrates error budgets. `unrendered`: views that no camera has rendered;
+/// `features`: what training cameras and those views show.
 pub(super) fn finish<M: Measure>(
     subject: &Subject<'_>,
     config: &FitConfig,
-    found: Found<'_>,
+    cameras: &CameraSet,
+    (extent, screening, rendered): (Extent, Screening, Rendered),
+    (unrendered, features): (&[MovingCamera], [Vec<ViewFeatures>; 2]),
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
-    let costs = Costs::of(subject, &found, renderings);
-    let Found { extent, cameras, screening, rendered, unrendered, features } = found;
+    let costs = Costs::of(subject, cameras, &rendered, renderings);
     let Rendered { pool, counts, played, .. } = rendered;
     let (training, rows) = Training::new(&costs.training, &cameras.training, &pool);
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
-    let (mut views, beyond) = (views(&used, subject.lens), views(unrendered, subject.lens));
-    let of_training = rows.iter().filter_map(|row| features.training.get(*row));
-    let training = training
-        .with_unrendered(described(&views, of_training), described(&beyond, &features.unrendered));
+    let views_of = |cameras: &[MovingCamera]| -> Vec<CameraView> {
+        cameras.iter().map(|camera| view_from(&camera.pose, subject.lens)).collect()
+    };
+    let (mut views, beyond) = (views_of(&used), views_of(unrendered));
+    let [of_training, of_unrendered] = &features;
+    let of_training = rows.iter().filter_map(|row| of_training.get(*row));
+    let training =
+        training.with_unrendered(described(&views, of_training), described(&beyond, of_unrendered));
     views.extend(beyond);
     let fitted = fit(&training, &views, subject.bounds, config);
-    let is_full = |row: usize| pool.iter().all(|one| costs.rendered.get(row, *one).is_some());
-    let evidence = Evidence {
-        training: &costs.training,
-        rows: &rows,
-        is_full: &is_full,
-        calibration: &costs.calibration,
-    };
-    let error_rates = calibrated(subject, cameras, &fitted, &evidence, &played);
+    let error_rates = calibrated(subject, cameras, &fitted, (&costs, &rows, &pool), &played);
     let best = subject.space.canonical(subject.space.highest());
     let readings = readings(subject, &costs.rendered);
     Outcome {
@@ -94,8 +85,7 @@ pub(super) fn finish<M: Measure>(
         cost: costs.model,
         cameras: [used.len(), counts[1]],
         renderings: renderings.count(),
-        effort: renderings.effort(),
-        stages: renderings.stages().to_vec(),
+        effort: (renderings.clock.made, renderings.clock.seconds),
         training: costs.training.with_rows(&rows),
         training_cameras: rows,
         played,
@@ -114,4 +104,45 @@ fn described<'a>(
         features: features.clone(),
     };
     pairs.map(described).collect()
+}
+
+/// The map of what `config`'s search of `subject` found.
+pub fn map_of(
+    outcome: &Outcome,
+    subject: &Subject<'_>,
+    config: &PipelineConfig,
+    scene: SceneIdentity,
+    capture: Capture,
+    meter: MeterInfo,
+) -> FrontierMap {
+    let Subject { space, layout, bounds, .. } = *subject;
+    let work_prices = work_prices(&outcome.cost, space, layout, capture.frames_per_second);
+    let effects = outcome.screening.effects.iter();
+    let knob_effects = KnobEffects {
+        joules: saved_joules(&work_prices, space, layout),
+        errors: effects.map(|levels| levels.iter().copied().map(six_decimals).collect()).collect(),
+    };
+    FrontierMap {
+        version: FrontierMap::VERSION,
+        scene,
+        capture,
+        meter,
+        thresholds: Thresholds {
+            power_w: outcome.fitted.report.power_threshold_w,
+            error: config.fit.error_threshold,
+        },
+        seed: config.seed,
+        shared: outcome.fitted.shared.rounded(),
+        error_rates: outcome.error_rates.clone(),
+        work_prices,
+        knob_effects,
+        knobs: space.clone(),
+        bounds: *bounds,
+        octree: outcome.fitted.octree.clone(),
+    }
+}
+
+/// As the errors of frontiers.
+fn six_decimals(error: f64) -> f64 {
+    format!("{error:.6}").parse().unwrap_or(error)
 }

@@ -7,7 +7,6 @@ mod budgets;
 mod clock;
 mod extent;
 mod finish;
-mod map;
 mod modelled;
 mod pilots;
 mod play;
@@ -23,16 +22,17 @@ use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, FitQuality, FrameLayout};
 use crate::fit::{Completion, FitConfig, Fitted};
 use crate::journal::JournalError;
-use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
+use crate::pool::{Proposal, Screening, portfolio, propose, screening_settings};
 use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
 pub use extent::Extent;
-use finish::{Found, finish};
-pub use map::map_of;
+use finish::finish;
+pub use finish::map_of;
 use modelled::{Modelled, readings};
 pub use play::PlayShare;
-pub use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
+use renderings::{Job, Purpose, Renderings};
+pub use renderings::{Progress, Setup};
 
 /// Frames of a clip: one unmetered, and the rest metered. Higher values are closer to play, where
 /// history is longer and averages more noise, and cost more.
@@ -95,8 +95,6 @@ pub struct Outcome {
     pub renderings: usize,
     /// Number of renderings made in this run, and their duration in seconds.
     pub effort: (usize, f64),
-    /// The same by stage.
-    pub stages: Vec<StageEffort>,
     /// Errors in play as a share of those of clips, whose history is shorter.
     pub played: PlayShare,
     /// Mean error of the best settings rendered twice: the noise floor of errors.
@@ -148,44 +146,32 @@ pub fn run<M: Measure>(
     let rendered = render_cameras(subject, &extent, cameras, pilots, &candidates, &mut renderings)?;
     let views = &cameras.unrendered[..extent.views.min(cameras.unrendered.len())];
     let features = view_features(subject, cameras, views, &mut renderings)?;
-    let found = Found { extent, cameras, screening, rendered, unrendered: views, features };
-    Ok(finish(subject, &config.fit, found, &renderings))
+    let found = (extent, screening, rendered);
+    Ok(finish(subject, &config.fit, cameras, found, (views, features), &renderings))
 }
 
-/// What training cameras and unrendered views show.
-#[derive(Default)]
-struct Features {
-    training: Vec<ViewFeatures>,
-    unrendered: Vec<ViewFeatures>,
-}
-
+/// What training cameras and unrendered views show; nothing without the latter.
 fn view_features<M: Measure>(
     subject: &Subject<'_>,
     cameras: &CameraSet,
     unrendered: &[MovingCamera],
     renderings: &mut Renderings<'_, M>,
-) -> Result<Features, PipelineError<M::Error>> {
+) -> Result<[Vec<ViewFeatures>; 2], PipelineError<M::Error>> {
+    let mut features = [Vec::new(), Vec::new()];
     if unrendered.is_empty() {
-        return Ok(Features::default());
+        return Ok(features);
     }
-    let total = cameras.training.len() + unrendered.len();
-    let mut of = |purpose: Purpose,
-                  cameras: &[MovingCamera],
-                  before: usize|
-     -> Result<Vec<ViewFeatures>, PipelineError<M::Error>> {
-        let mut all = Vec::new();
+    let (mut done, total) = (0, cameras.training.len() + unrendered.len());
+    let sets = [(Purpose::Training, &cameras.training[..]), (Purpose::Unrendered, unrendered)];
+    for (features, (purpose, cameras)) in features.iter_mut().zip(sets) {
         for (index, camera) in cameras.iter().enumerate() {
-            let progress = Progress { stage: "views", done: before + index, total };
-            all.push(
-                renderings.features(purpose, index, &progress, || (subject.describe)(camera))?,
-            );
+            let progress = Progress { stage: "views", done, total };
+            let describe = || (subject.describe)(camera);
+            features.push(renderings.features((purpose, index), &progress, describe)?);
+            done += 1;
         }
-        Ok(all)
-    };
-    Ok(Features {
-        training: of(Purpose::Training, &cameras.training, 0)?,
-        unrendered: of(Purpose::Unrendered, unrendered, cameras.training.len())?,
-    })
+    }
+    Ok(features)
 }
 
 /// Screening at the pilot cameras. What a knob does may show elsewhere alone: those without effect
@@ -196,16 +182,16 @@ fn screen<M: Measure>(
     (pilots, others): (&[usize], &[usize]),
     renderings: &mut Renderings<'_, M>,
 ) -> Result<Screening, PipelineError<M::Error>> {
-    renderings.batch("screening", &training_jobs(pilots, settings))?;
+    renderings.batch("screening", &jobs(Purpose::Training, pilots, settings))?;
     let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, settings));
     if screening.without_effect.is_empty() {
         return Ok(screening);
     }
     let together = screening.fixed(space, space.highest());
-    renderings.batch("screening", &training_jobs(others, &[together]))?;
+    renderings.batch("screening", &jobs(Purpose::Training, others, &[together]))?;
     let shows = |camera: &usize| {
         renderings
-            .get(Purpose::Training, *camera, together)
+            .get((Purpose::Training, *camera), together)
             .is_some_and(|cost| !Screening::is_without_effect(cost.error))
     };
     let where_shown: Vec<usize> = others.iter().copied().filter(shows).collect();
@@ -214,17 +200,14 @@ fn screen<M: Measure>(
         .iter()
         .map(|knob| space.canonical(space.highest().with_level(*knob, 0)))
         .collect();
-    renderings.batch("screening", &training_jobs(&where_shown, &one_by_one))?;
+    renderings.batch("screening", &jobs(Purpose::Training, &where_shown, &one_by_one))?;
     let cameras = [pilots, &where_shown].concat();
     Ok(Screening::of(space, &table(renderings, Purpose::Training, &cameras, settings)))
 }
 
-fn training_jobs(cameras: &[usize], settings: &[KnobLevels]) -> Vec<Job> {
-    let job = |camera: &usize| Job {
-        purpose: Purpose::Training,
-        camera: *camera,
-        settings: settings.to_vec(),
-    };
+/// `settings` at each of `cameras`.
+fn jobs(purpose: Purpose, cameras: &[usize], settings: &[KnobLevels]) -> Vec<Job> {
+    let job = |camera: &usize| Job { camera: (purpose, *camera), settings: settings.to_vec() };
     cameras.iter().map(job).collect()
 }
 
@@ -239,21 +222,20 @@ fn find_pool<M: Measure>(
     renderings: &mut Renderings<'_, M>,
 ) -> Result<Vec<KnobLevels>, PipelineError<M::Error>> {
     for round in 0..extent.rounds {
-        let more = extent.batch * pilots.len();
-        let has_time =
-            |renderings: &Renderings<'_, M>| renderings.has_time(more, extent.pool_share);
-        if !renderings.decide(&format!("round {round}"), has_time)? {
+        let name = format!("round {round}");
+        if !renderings.has_time(&name, extent.batch * pilots.len(), extent.pool_share)? {
             break;
         }
-        let proposed = renderings.settings(&format!("round {round}"), |renderings| {
+        let proposed = renderings.settings(&name, |renderings| {
             let table = table(renderings, Purpose::Training, pilots, &rendered);
-            let seed = round_seed(seed, round as u64);
+            // Different in every round.
+            let seed = seed.wrapping_mul(1000).wrapping_add(round as u64);
             propose_round(subject, (extent.batch, seed), screening, &table, round)
         })?;
         if proposed.is_empty() {
             break;
         }
-        renderings.batch("proposals", &training_jobs(pilots, &proposed))?;
+        renderings.batch("proposals", &jobs(Purpose::Training, pilots, &proposed))?;
         rendered.extend(proposed);
     }
     Ok(rendered)
@@ -271,11 +253,13 @@ fn propose_round(
     let cost = CostModel::fit(&readings(subject, table), subject.idle);
     // Alternates between all pilot cameras and each half of them, because the pool must suit
     // different views.
-    let halves: [Vec<usize>; 3] =
-        [(0..table.rows()).collect(), every_other(table.rows(), 0), every_other(table.rows(), 1)];
-    let rows = &halves[round % 3];
+    let (first, step) = match round % 3 {
+        half @ 1.. if table.rows() > 1 => (half - 1, 2),
+        _ => (0, 1),
+    };
     let mean = |column: usize| {
-        table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error)
+        let rows = (first..table.rows()).step_by(step);
+        table.mean(column, rows).map_or(f64::NAN, |cost| cost.error)
     };
     let errors: Vec<_> = table
         .settings()
@@ -285,11 +269,6 @@ fn propose_round(
         .collect();
     let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
     propose(&proposal, count, seed)
-}
-
-/// Every other row, starting at `which`; all rows if there is only one.
-fn every_other(rows: usize, which: usize) -> Vec<usize> {
-    if rows < 2 { (0..rows).collect() } else { (which..rows).step_by(2).collect() }
 }
 
 /// What was rendered at cameras.
@@ -335,28 +314,23 @@ fn render_cameras<M: Measure>(
         // A sixth as many, and the rest at the end.
         let due = (counts[0] + training.len()) / 6;
         let due = if training.is_empty() { counts[1] + extent.block } else { due };
-        let calibration = counts[1]..due.clamp(counts[1], cameras.calibration.len());
+        let calibration: Vec<usize> =
+            (counts[1]..due.clamp(counts[1], cameras.calibration.len())).collect();
         if completion.is_none() && counts[0] >= extent.full {
             let full = table(renderings, Purpose::Training, &order[..counts[0]], &pool);
             completion = Completion::fit(space, &full, &pool, extent.anchors);
         }
         let anchors = completion.as_ref().map_or_else(|| pool.clone(), Completion::anchors);
-        let job = |purpose: Purpose, camera: usize, settings: &Vec<KnobLevels>| Job {
-            purpose,
-            camera,
-            settings: settings.clone(),
-        };
-        let mut jobs: Vec<Job> =
-            training.iter().map(|camera| job(Purpose::Training, *camera, &anchors)).collect();
-        jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera, &pool)));
+        let mut batch = jobs(Purpose::Training, training, &anchors);
+        batch.extend(jobs(Purpose::Calibration, &calibration, &pool));
         // Plus the reference image at each camera.
-        let more = jobs.iter().map(|job| job.settings.len() + 2).sum();
+        let more = batch.iter().map(|job| job.settings.len() + 2).sum();
         let name = format!("block {} {}", counts[0], counts[1]);
-        if !renderings.decide(&name, |renderings| renderings.has_time(more, CAMERAS_SHARE))? {
+        if !renderings.has_time(&name, more, CAMERAS_SHARE)? {
             break;
         }
-        renderings.batch("cameras", &jobs)?;
-        counts = [counts[0] + training.len(), calibration.end];
+        renderings.batch("cameras", &batch)?;
+        counts = [counts[0] + training.len(), counts[1] + calibration.len()];
     }
     Ok(Rendered { pool, counts, played, completion })
 }
@@ -370,7 +344,7 @@ fn table<M: Measure>(
     let mut table = CostTable::new(cameras.len());
     for (row, camera) in cameras.iter().enumerate() {
         for settings in settings {
-            if let Some(cost) = renderings.get(purpose, *camera, *settings) {
+            if let Some(cost) = renderings.get((purpose, *camera), *settings) {
                 table.set(row, *settings, cost);
             }
         }

@@ -25,10 +25,7 @@ const RANGE: (f64, f64) = (0.5, 1.2);
 
 /// The settings nearest to [`ERRORS`] on the frontier of means over `table`.
 fn settings(table: &CostTable) -> Vec<KnobLevels> {
-    let points = table.settings().iter().enumerate().filter_map(|(column, settings)| {
-        let cost = table.mean(column, 0..table.rows())?;
-        Some(FrontierPoint { settings: *settings, cost })
-    });
+    let points = table.means().map(|(settings, cost)| FrontierPoint { settings, cost });
     let frontier = Frontier::from_points(points);
     let with_error: Vec<&FrontierPoint> =
         frontier.points().iter().filter(|point| point.cost.error > 0.0).collect();
@@ -50,21 +47,21 @@ pub(super) fn share_of_play<M: Measure>(
     renderings: &mut Renderings<'_, M>,
 ) -> Result<PlayShare, PipelineError<M::Error>> {
     let chosen = space.canonical_once(settings(table));
-    let jobs: Vec<Job> = (0..renderings.stretches())
-        .flat_map(|stretch| [Purpose::Play, Purpose::Clip].map(|purpose| (purpose, stretch)))
-        .map(|(purpose, camera)| Job { purpose, camera, settings: chosen.clone() })
+    let stretches = renderings.setup.cameras.stretches.len();
+    let jobs: Vec<Job> = (0..stretches)
+        .flat_map(|stretch| [(Purpose::Play, stretch), (Purpose::Clip, stretch)])
+        .map(|camera| Job { camera, settings: chosen.clone() })
         .collect();
-    let frames = |job: &Job| renderings.frames(job.purpose, job.camera) * (job.settings.len() + 2);
-    let more = jobs.iter().map(frames).sum::<usize>().div_ceil(renderings.frames_per_clip().max(1));
-    if jobs.is_empty()
-        || !renderings.decide("play", |renderings| renderings.has_time(more, SHARE))?
-    {
+    let frames = |job: &Job| renderings.clip(job.camera).len() * (job.settings.len() + 2);
+    let of_clip = renderings.setup.clip.0.max(1) as usize;
+    let more = jobs.iter().map(frames).sum::<usize>().div_ceil(of_clip);
+    if jobs.is_empty() || !renderings.has_time("play", more, SHARE)? {
         return Ok(PlayShare::new(std::iter::empty()));
     }
     renderings.batch("play", &jobs)?;
     let measured = chosen.iter().filter_map(|settings| {
-        let pairs = (0..renderings.stretches()).filter_map(|stretch| {
-            let error = |purpose| Some(renderings.get(purpose, stretch, *settings)?.error);
+        let pairs = (0..stretches).filter_map(|stretch| {
+            let error = |purpose| Some(renderings.get((purpose, stretch), *settings)?.error);
             Some((error(Purpose::Clip)?, error(Purpose::Play)?))
         });
         share_of(&pairs.collect::<Vec<_>>())

@@ -16,46 +16,27 @@ use crate::journal::{Journal, JournalError};
 use crate::table::{Batch, Measure, Measured};
 use crate::view_features::ViewFeatures;
 
-/// Purpose of a camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Purpose {
+/// Purpose of a camera; its letter in the journal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Purpose {
     /// Searching and fitting.
-    Training,
+    Training = b't',
     /// Calibrating error budgets.
-    Calibration,
+    Calibration = b'c',
     /// A whole stretch of a track.
-    Play,
+    Play = b'p',
     /// The end of a stretch, as long as a clip.
-    Clip,
+    Clip = b'e',
     /// Predicting costs; nothing is rendered.
-    Unrendered,
-}
-
-impl Purpose {
-    const fn letter(self) -> char {
-        match self {
-            Self::Training => 't',
-            Self::Calibration => 'c',
-            Self::Play => 'p',
-            Self::Clip => 'e',
-            Self::Unrendered => 'u',
-        }
-    }
-
-    fn read(word: &str) -> Option<Self> {
-        [Self::Training, Self::Calibration, Self::Play, Self::Clip, Self::Unrendered]
-            .into_iter()
-            .find(|purpose| word.chars().eq([purpose.letter()]))
-    }
+    Unrendered = b'u',
 }
 
 /// Settings to render at one camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Job {
-    /// Purpose of the camera.
-    pub purpose: Purpose,
-    /// Its number among the cameras of that purpose, or among the stretches.
-    pub camera: usize,
+pub(super) struct Job {
+    /// Purpose of the camera, and its number among the cameras of that purpose, or among the stretches.
+    pub camera: (Purpose, usize),
     /// The settings.
     pub settings: Vec<KnobLevels>,
 }
@@ -69,36 +50,6 @@ pub struct Progress<'a> {
     pub done: usize,
     /// Renderings of this stage.
     pub total: usize,
-}
-
-type Question = (Purpose, usize, KnobLevels);
-
-/// All known renderings, and the means to make more.
-pub struct Renderings<'a, M> {
-    measure: &'a mut M,
-    journal: Journal,
-    cameras: &'a CameraSet,
-    frames: u32,
-    frames_per_second: f64,
-    shard: (usize, usize),
-    known: HashMap<Question, CostPoint>,
-    decisions: HashMap<String, bool>,
-    proposals: HashMap<String, Vec<KnobLevels>>,
-    features: HashMap<(Purpose, usize), ViewFeatures>,
-    report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-    clock: Clock,
-    stages: Vec<StageEffort>,
-}
-
-/// Effort of one stage of a run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StageEffort {
-    /// Name of the stage.
-    pub stage: String,
-    /// Renderings made in this run.
-    pub renderings: usize,
-    /// Their duration, seconds.
-    pub seconds: f64,
 }
 
 /// Inputs of a pipeline run.
@@ -119,47 +70,22 @@ pub struct Setup<'a, M> {
     pub report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
 }
 
+/// All known renderings, and the means to make more.
+pub(super) struct Renderings<'a, M> {
+    /// Its inputs; the journal with all records so far.
+    pub setup: Setup<'a, M>,
+    /// Costs by [`question`].
+    known: HashMap<String, CostPoint>,
+    /// The time limit's clock.
+    pub clock: Clock,
+}
+
 impl<'a, M: Measure> Renderings<'a, M> {
     /// Starts the time limit's clock, or continues it where the journal has one.
-    pub fn new(setup: Setup<'a, M>) -> Self {
-        let Setup {
-            measure,
-            journal: (journal, records),
-            cameras,
-            clip: (frames, frames_per_second),
-            shard,
-            limit,
-            report,
-        } = setup;
-        let mut renderings = Self {
-            measure,
-            journal,
-            cameras,
-            frames,
-            frames_per_second,
-            shard,
-            known: HashMap::new(),
-            decisions: HashMap::new(),
-            proposals: HashMap::new(),
-            features: HashMap::new(),
-            report,
-            clock: Clock::start(limit),
-            stages: Vec::new(),
-        };
-        for record in &records {
-            if let Some((question, cost)) = read_rendering(record) {
-                renderings.known.insert(question, cost);
-            } else if let Some((name, yes)) = read_decision(record) {
-                renderings.decisions.insert(name, yes);
-            } else if let Some((name, settings)) = read_proposal(record) {
-                renderings.proposals.insert(name, settings);
-            } else if let Some((view, features)) = read_features(record) {
-                renderings.features.insert(view, features);
-            } else {
-                renderings.clock.read(record);
-            }
-        }
-        renderings
+    pub(super) fn new(setup: Setup<'a, M>) -> Self {
+        let records = &setup.journal.1;
+        let known = records.iter().filter_map(|record| read_rendering(record)).collect();
+        Self { known, clock: Clock::start(setup.limit, records), setup }
     }
 
     /// Renders the unknown settings of `jobs`.
@@ -170,45 +96,28 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
-    pub fn batch(&mut self, stage: &str, jobs: &[Job]) -> Result<(), PipelineError<M::Error>> {
-        let total = jobs.iter().map(|job| job.settings.len()).sum();
-        let before = self.effort();
-        let result = self.render_all(stage, jobs, total);
-        let now = self.effort();
-        let (renderings, seconds) = (now.0 - before.0, now.1 - before.1);
-        match self.stages.iter_mut().find(|known| known.stage == stage) {
-            Some(known) => {
-                known.renderings += renderings;
-                known.seconds += seconds;
-            }
-            None => {
-                self.stages.push(StageEffort { stage: stage.to_owned(), renderings, seconds });
-            }
-        }
-        result
-    }
-
-    fn render_all(
+    pub(super) fn batch(
         &mut self,
         stage: &str,
         jobs: &[Job],
-        total: usize,
     ) -> Result<(), PipelineError<M::Error>> {
         let (batches, cameras, is_missing) = self.unknown(jobs);
+        let total: usize = jobs.iter().map(|job| job.settings.len()).sum();
         let unknown: usize = batches.iter().map(|batch| batch.settings.len()).sum();
         let mut done = total.saturating_sub(unknown);
         let mut failure = Ok(());
-        let Self { measure, journal, known, report, clock, .. } = self;
-        let before = clock.effort().1;
+        let Self { setup: Setup { measure, journal: (journal, _), report, .. }, known, clock } =
+            self;
+        let before = clock.seconds;
         let started = Instant::now();
         let mut keep = |Measured { batch, settings, cost }: Measured| {
-            let (purpose, camera) = cameras[batch];
-            let question = (purpose, camera, settings);
-            clock.made_one(before + started.elapsed().as_secs_f64());
+            clock.made += 1;
+            clock.seconds = before + started.elapsed().as_secs_f64();
             done += 1;
+            let question = question(cameras[batch], settings);
+            let record = write_rendering(&question, cost);
             known.insert(question, cost);
-            let records = std::iter::once(write_rendering(question, cost)).chain(clock.record());
-            if let Err(error) = append(journal, records) {
+            if let Err(error) = append(journal, &record, clock) {
                 failure = Err(error.into());
             } else if report(&Progress { stage, done, total }).is_break() && failure.is_ok() {
                 failure = Err(PipelineError::Interrupted);
@@ -221,22 +130,23 @@ impl<'a, M: Measure> Renderings<'a, M> {
         if is_missing { Err(PipelineError::NeedsOthers) } else { Ok(()) }
     }
 
-    /// What of `jobs` is not known and this shard's to render, the purpose and number of the camera of
-    /// each batch, and whether other shards lack anything.
+    /// What of `jobs` is not known and this shard's to render, the camera of each batch, and whether
+    /// other shards lack anything.
     fn unknown(&self, jobs: &[Job]) -> (Vec<Batch>, Vec<(Purpose, usize)>, bool) {
         let (mut batches, mut cameras, mut is_missing) = (Vec::new(), Vec::new(), false);
+        let (shard, shards) = self.setup.shard;
         let mut asked = HashSet::new();
-        for (number, job) in jobs.iter().enumerate() {
-            let clip = self.clip(job.purpose, job.camera);
+        for (number, Job { camera, settings }) in jobs.iter().enumerate() {
+            let clip = self.clip(*camera);
             let is_unknown = |settings: &&KnobLevels| {
-                let question = (job.purpose, job.camera, **settings);
+                let question = question(*camera, **settings);
                 !clip.is_empty() && !self.known.contains_key(&question) && asked.insert(question)
             };
             let mut settings: Vec<KnobLevels> =
-                job.settings.iter().filter(is_unknown).copied().collect();
+                settings.iter().filter(is_unknown).copied().collect();
             if settings.is_empty() {
                 continue;
-            } else if number % self.shard.1 != self.shard.0 {
+            } else if number % shards != shard {
                 is_missing = true;
                 continue;
             }
@@ -244,74 +154,58 @@ impl<'a, M: Measure> Renderings<'a, M> {
                 settings.reverse();
             }
             batches.push(Batch { clip, settings });
-            cameras.push((job.purpose, job.camera));
+            cameras.push(*camera);
         }
         (batches, cameras, is_missing)
     }
 
     /// The poses to render; none for numbers out of range.
-    fn clip(&self, purpose: Purpose, number: usize) -> Vec<CameraPose> {
+    pub(super) fn clip(&self, (purpose, number): (Purpose, usize)) -> Vec<CameraPose> {
+        let Setup { cameras, clip: (frames, frames_per_second), .. } = self.setup;
         let of_camera = |cameras: &[MovingCamera]| {
-            cameras
-                .get(number)
-                .map(|camera| camera.clip(self.frames, self.frames_per_second))
-                .unwrap_or_default()
+            let camera = cameras.get(number);
+            camera.map(|camera| camera.clip(frames, frames_per_second)).unwrap_or_default()
         };
-        let stretch = || self.cameras.stretches.get(number).map_or(&[][..], Vec::as_slice);
+        let stretch = cameras.stretches.get(number).map_or(&[][..], Vec::as_slice);
         match purpose {
-            Purpose::Training => of_camera(&self.cameras.training),
-            Purpose::Calibration => of_camera(&self.cameras.calibration),
+            Purpose::Training => of_camera(&cameras.training),
+            Purpose::Calibration => of_camera(&cameras.calibration),
             Purpose::Unrendered => Vec::new(),
-            Purpose::Play => stretch().to_vec(),
+            Purpose::Play => stretch.to_vec(),
             Purpose::Clip => {
-                let start = stretch().len().saturating_sub(self.frames_per_clip());
-                stretch()[start..].to_vec()
+                stretch[stretch.len().saturating_sub(frames.max(1) as usize)..].to_vec()
             }
         }
     }
 
-    /// Number of stretches of tracks.
-    pub fn stretches(&self) -> usize {
-        self.cameras.stretches.len()
-    }
-
-    /// Number of frames of one rendering.
-    pub fn frames(&self, purpose: Purpose, number: usize) -> usize {
-        self.clip(purpose, number).len()
-    }
-
-    /// Number of frames of a rendering at a camera.
-    pub fn frames_per_clip(&self) -> usize {
-        self.frames.max(1) as usize
-    }
-
     /// Cost of settings at a camera; `None` where not rendered.
-    pub fn get(&self, purpose: Purpose, camera: usize, settings: KnobLevels) -> Option<CostPoint> {
-        self.known.get(&(purpose, camera, settings)).copied()
+    pub(super) fn get(&self, camera: (Purpose, usize), settings: KnobLevels) -> Option<CostPoint> {
+        self.known.get(&question(camera, settings)).copied()
     }
 
     /// Number of known renderings.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.known.len()
     }
 
-    /// A decision that depends on the clock, and so must be the same when the run is resumed: made
-    /// once and journaled.
+    /// Whether `more` renderings will probably finish within `share` of the time limit. A resumed run
+    /// must decide the same: decided once by `name`, and journaled.
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn decide(
+    pub(super) fn has_time(
         &mut self,
         name: &str,
-        choose: impl FnOnce(&Self) -> bool,
-    ) -> Result<bool, PipelineError<M::Error>> {
-        if let Some(known) = self.decisions.get(name) {
-            return Ok(*known);
-        }
-        let yes = choose(self);
-        self.keep(format!("decide {name} {}", u8::from(yes)))?;
-        self.decisions.insert(name.to_owned(), yes);
-        Ok(yes)
+        more: usize,
+        share: f64,
+    ) -> Result<bool, JournalError> {
+        let write = |yes: &bool| u8::from(*yes).to_string();
+        self.once(
+            &format!("decide {name} "),
+            |word| Some(word == "1"),
+            write,
+            |it| it.clock.has_time(more, share),
+        )
     }
 
     /// Settings that take long to choose, although they follow from the renderings: chosen once and
@@ -319,131 +213,106 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn settings(
+    pub(super) fn settings(
         &mut self,
         name: &str,
         choose: impl FnOnce(&Self) -> Vec<KnobLevels>,
-    ) -> Result<Vec<KnobLevels>, PipelineError<M::Error>> {
-        if let Some(known) = self.proposals.get(name) {
-            return Ok(known.clone());
-        }
-        let settings = choose(self);
-        self.keep(write_proposal(name, &settings))?;
-        self.proposals.insert(name.to_owned(), settings.clone());
-        Ok(settings)
+    ) -> Result<Vec<KnobLevels>, JournalError> {
+        self.once(
+            &format!("settings {name}: "),
+            read_settings,
+            |all: &Vec<_>| write_settings(all),
+            choose,
+        )
     }
 
     /// What a view shows: described once and journaled, for the same reason.
     ///
     /// # Errors
     /// When the journal cannot be written, or the run is stopped.
-    pub fn features(
+    pub(super) fn features(
         &mut self,
-        purpose: Purpose,
-        camera: usize,
+        (purpose, camera): (Purpose, usize),
         progress: &Progress<'_>,
         describe: impl FnOnce() -> ViewFeatures,
     ) -> Result<ViewFeatures, PipelineError<M::Error>> {
-        let view = (purpose, camera);
-        if let Some(known) = self.features.get(&view) {
-            return Ok(known.clone());
-        }
-        let features = describe();
-        self.keep(write_features(view, &features))?;
-        self.features.insert(view, features.clone());
-        if (self.report)(progress).is_break() {
+        let key = format!("view {} {camera:x} ", purpose as u8 as char);
+        let mut is_new = false;
+        let features = self.once(
+            &key,
+            read_features,
+            |all: &ViewFeatures| write_features(all),
+            |_| {
+                is_new = true;
+                describe()
+            },
+        )?;
+        if is_new && (self.setup.report)(progress).is_break() {
             return Err(PipelineError::Interrupted);
         }
         Ok(features)
     }
 
-    /// Appends a record, and what is spent by then.
-    fn keep(&mut self, record: String) -> Result<(), JournalError> {
-        append(&mut self.journal, std::iter::once(record).chain(self.clock.record()))
-    }
-
-    /// Whether there is a time limit.
-    pub fn is_limited(&self) -> bool {
-        self.clock.is_limited()
-    }
-
-    /// Whether `more` renderings will probably finish within `share` of the time limit, by the duration
-    /// of those before. Always true without a limit.
-    pub fn has_time(&self, more: usize, share: f64) -> bool {
-        self.clock.has_time(more, share)
-    }
-
-    /// Number of renderings made in this session, and their duration in seconds.
-    pub fn effort(&self) -> (usize, f64) {
-        self.clock.effort()
-    }
-
-    /// The same by stage, in the order of the first batch of each.
-    pub fn stages(&self) -> &[StageEffort] {
-        &self.stages
+    /// What the last record after `key` says; what is made instead is journaled.
+    fn once<T>(
+        &mut self,
+        key: &str,
+        read: impl Fn(&str) -> Option<T>,
+        write: impl Fn(&T) -> String,
+        make: impl FnOnce(&Self) -> T,
+    ) -> Result<T, JournalError> {
+        let records = self.setup.journal.1.iter().rev();
+        if let Some(known) = records.filter_map(|record| record.strip_prefix(key)).find_map(read) {
+            return Ok(known);
+        }
+        let made = make(self);
+        let record = format!("{key}{}", write(&made));
+        append(&mut self.setup.journal.0, &record, &self.clock)?;
+        self.setup.journal.1.push(record);
+        Ok(made)
     }
 }
 
-fn append(
-    journal: &mut Journal,
-    records: impl Iterator<Item = String>,
-) -> Result<(), JournalError> {
-    records.into_iter().try_for_each(|record| journal.append(&record))
+/// Appends a record, and what is spent by then.
+fn append(journal: &mut Journal, record: &str, clock: &Clock) -> Result<(), JournalError> {
+    journal.append(record)?;
+    clock.record().map_or(Ok(()), |spent| journal.append(&spent))
+}
+
+/// How the record of a rendering begins.
+fn question((purpose, camera): (Purpose, usize), settings: KnobLevels) -> String {
+    format!("render {} {camera:x} {:x}", purpose as u8 as char, settings.bits())
 }
 
 /// Exact bits, so that a record reads back as it was rendered.
-fn write_rendering((purpose, camera, settings): Question, cost: CostPoint) -> String {
-    let bits = [cost.power.0, cost.error].map(f64::to_bits);
-    format!(
-        "render {} {camera:x} {:x} {:016x} {:016x}",
-        purpose.letter(),
-        settings.bits(),
-        bits[0],
-        bits[1]
-    )
+fn write_rendering(question: &str, cost: CostPoint) -> String {
+    format!("{question} {:016x} {:016x}", cost.power.0.to_bits(), cost.error.to_bits())
 }
 
-fn write_proposal(name: &str, settings: &[KnobLevels]) -> String {
-    let bits: Vec<String> = settings.iter().map(|one| format!("{:x}", one.bits())).collect();
-    format!("settings {name}: {}", bits.join(" "))
+fn read_rendering(record: &str) -> Option<(String, CostPoint)> {
+    let mut words = record.rsplitn(3, ' ');
+    let mut number = || u64::from_str_radix(words.next()?, 16).ok().map(f64::from_bits);
+    let (error, power) = (number()?, number()?);
+    let question = words.next().filter(|question| question.starts_with("render "))?;
+    Some((question.to_owned(), CostPoint::new(power, error)))
 }
 
-fn read_proposal(record: &str) -> Option<(String, Vec<KnobLevels>)> {
-    let (name, bits) = record.strip_prefix("settings ")?.split_once(':')?;
-    let settings = bits
-        .split_whitespace()
-        .map(|bits| u128::from_str_radix(bits, 16).ok().map(KnobLevels::from_bits));
-    Some((name.to_owned(), settings.collect::<Option<_>>()?))
+fn write_settings(settings: &[KnobLevels]) -> String {
+    settings.iter().map(|one| format!("{:x}", one.bits())).collect::<Vec<_>>().join(" ")
 }
 
-fn write_features((purpose, camera): (Purpose, usize), features: &[f64]) -> String {
-    let bits: Vec<String> = features.iter().map(|one| format!("{:016x}", one.to_bits())).collect();
-    format!("view {} {camera:x} {}", purpose.letter(), bits.join(" "))
+fn read_settings(words: &str) -> Option<Vec<KnobLevels>> {
+    let bits = |word| Some(KnobLevels::from_bits(u128::from_str_radix(word, 16).ok()?));
+    words.split_whitespace().map(bits).collect()
 }
 
-fn read_features(record: &str) -> Option<((Purpose, usize), ViewFeatures)> {
-    let mut words = record.strip_prefix("view ")?.split_whitespace();
-    let purpose = Purpose::read(words.next()?)?;
-    let camera = usize::from_str_radix(words.next()?, 16).ok()?;
-    let numbers = words.map(|bits| u64::from_str_radix(bits, 16).ok().map(f64::from_bits));
-    Some(((purpose, camera), numbers.collect::<Option<_>>()?))
+fn write_features(features: &[f64]) -> String {
+    features.iter().map(|one| format!("{:016x}", one.to_bits())).collect::<Vec<_>>().join(" ")
 }
 
-fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
-    let mut words = record.strip_prefix("render ")?.split(' ');
-    let purpose = Purpose::read(words.next()?)?;
-    let camera = usize::from_str_radix(words.next()?, 16).ok()?;
-    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
-    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    Some((
-        (purpose, camera, settings),
-        CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?)),
-    ))
-}
-
-fn read_decision(record: &str) -> Option<(String, bool)> {
-    let (name, yes) = record.strip_prefix("decide ")?.rsplit_once(' ')?;
-    Some((name.to_owned(), yes == "1"))
+fn read_features(words: &str) -> Option<ViewFeatures> {
+    let number = |word| Some(f64::from_bits(u64::from_str_radix(word, 16).ok()?));
+    words.split_whitespace().map(number).collect()
 }
 
 #[cfg(test)]
@@ -453,20 +322,17 @@ mod tests {
     #[test]
     fn records_survive_to_the_last_bit() {
         for cost in [CostPoint::new(0.1 + 0.2, 1e-300), CostPoint::new(f64::INFINITY, -0.0)] {
-            let question = (Purpose::Calibration, 77, KnobLevels::from_bits(u128::MAX));
-            assert_eq!(read_rendering(&write_rendering(question, cost)), Some((question, cost)));
+            let asked = question((Purpose::Calibration, 77), KnobLevels::from_bits(u128::MAX));
+            assert_eq!(asked, format!("render c 4d {:x}", u128::MAX));
+            assert_eq!(read_rendering(&write_rendering(&asked, cost)), Some((asked, cost)));
         }
-        assert_eq!(read_decision("decide round 3 1"), Some(("round 3".to_owned(), true)));
         for settings in [vec![], vec![KnobLevels::from_bits(0x1f), KnobLevels::from_bits(0)]] {
-            let record = write_proposal("round 2", &settings);
-            assert_eq!(read_proposal(&record), Some(("round 2".to_owned(), settings)));
+            assert_eq!(read_settings(&write_settings(&settings)), Some(settings));
         }
-        assert_eq!(read_proposal("settings round 2: 1f x"), None);
         for features in [vec![], vec![0.1 + 0.2, -0.0, f64::INFINITY]] {
-            let view = (Purpose::Unrendered, 0x2a);
-            assert_eq!(read_features(&write_features(view, &features)), Some((view, features)));
+            assert_eq!(read_features(&write_features(&features)), Some(features));
         }
-        assert_eq!((read_features("view u 1 x"), read_features("view x 1 0")), (None, None));
-        assert_eq!((read_rendering("render x 0 0 0 0"), read_decision("render")), (None, None));
+        assert_eq!((read_settings("1f x"), read_features("1 x")), (None, None));
+        assert_eq!((read_rendering("render t 0 0 x 0"), read_rendering("decide")), (None, None));
     }
 }

@@ -3,7 +3,7 @@
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
 
-use super::goals::Goals;
+use super::scores;
 use crate::table::CostTable;
 
 /// Least relative gain for which another setting is kept.
@@ -12,8 +12,8 @@ const LEAST_GAIN: f64 = 1e-5;
 /// Losses of settings at one camera against the best of them: a row for each goal.
 fn losses(costs: &[CostPoint]) -> Vec<Vec<f64>> {
     let power = || costs.iter().map(|cost| cost.power.0);
-    let goals = Goals::new(power().fold(f64::INFINITY, f64::min)..power().fold(0.0, f64::max));
-    let scores: Vec<Vec<f64>> = costs.iter().map(|cost| goals.scores(cost).collect()).collect();
+    let range = power().fold(f64::INFINITY, f64::min)..power().fold(0.0, f64::max);
+    let scores: Vec<Vec<f64>> = costs.iter().map(|cost| scores(&range, cost).collect()).collect();
     let count = scores.first().map_or(0, Vec::len);
     let row = |goal: usize| {
         let at = scores.iter().map(|scores| scores[goal]);
@@ -23,58 +23,45 @@ fn losses(costs: &[CostPoint]) -> Vec<Vec<f64>> {
     (0..count).map(row).collect()
 }
 
-/// Every camera's losses, a row for each.
-fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
-    let mut rows = Vec::new();
-    for row in 0..table.rows() {
-        let costs: Option<Vec<CostPoint>> =
-            columns.iter().map(|column| table.at(row, *column)).collect();
-        let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0)) else {
-            continue;
-        };
-        rows.extend(losses(&costs));
-    }
-    rows
-}
-
 /// At most `most` settings of `table` with the least loss against using all of them, those of
 /// `always` first. Greedy: each reduces the remaining loss most. Settings that are not known at
 /// every camera are left out.
 pub(crate) fn portfolio(table: &CostTable, most: usize, always: &[KnobLevels]) -> Vec<KnobLevels> {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-    let rows = all_losses(table, &columns);
-    let mut left: Vec<f64> = vec![f64::INFINITY; rows.len()];
-    let mut kept: Vec<usize> = Vec::new();
-    let mut take = |index: usize, left: &mut Vec<f64>| {
-        left.iter_mut().zip(&rows).for_each(|(left, row)| *left = left.min(row[index]));
-        kept.push(index);
+    // Every camera's losses.
+    let costs = |row: usize| -> Option<Vec<CostPoint>> {
+        columns.iter().map(|column| table.at(row, *column)).collect()
     };
-    for settings in always {
-        if let Some(index) =
-            columns.iter().position(|column| table.settings()[*column] == *settings)
-        {
-            take(index, &mut left);
-        }
-    }
-    let mut taken: Vec<bool> = (0..columns.len())
-        .map(|index| always.contains(&table.settings()[columns[index]]))
+    let rows: Vec<Vec<f64>> = (0..table.rows())
+        .filter_map(costs)
+        .filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0))
+        .flat_map(|costs| losses(&costs))
         .collect();
-    for _ in 0..most.saturating_sub(taken.iter().filter(|taken| **taken).count()) {
+    let take = |left: &mut [f64], index: usize| {
+        left.iter_mut().zip(&rows).for_each(|(left, row)| *left = left.min(row[index]));
+    };
+    let index_of = |settings: &KnobLevels| {
+        columns.iter().position(|column| table.settings()[*column] == *settings)
+    };
+    let mut left: Vec<f64> = vec![f64::INFINITY; rows.len()];
+    let mut kept: Vec<usize> = always.iter().filter_map(index_of).collect();
+    kept.iter().for_each(|index| take(&mut left, *index));
+    while kept.len() < most {
         // All losses are infinite at first: then the least total decides, later the greatest gain.
         let total = |index: usize| -> f64 {
             left.iter().zip(&rows).map(|(left, row)| left.min(row[index])).sum()
         };
         let now: f64 = left.iter().sum();
         let best = (0..columns.len())
-            .filter(|index| !taken[*index])
+            .filter(|index| !kept.contains(index))
             .min_by(|a, b| total(*a).total_cmp(&total(*b)));
         let Some(best) = best else { break };
         if now.is_finite() && now - total(best) <= LEAST_GAIN * rows.len() as f64 {
             break;
         }
-        taken[best] = true;
-        take(best, &mut left);
+        take(&mut left, best);
+        kept.push(best);
     }
     kept.into_iter().map(|index| table.settings()[columns[index]]).collect()
 }

@@ -3,10 +3,9 @@
 use frugal_core::frontier::{CostPoint, FrontierPoint};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 
-use super::goals::Goals;
-use super::{ErrorModel, LEAST_ERROR, Screening};
+use super::{ErrorModel, LEAST_ERROR, Screening, scores};
 use crate::cost::{CostModel, FrameLayout, Work};
-use crate::search::Search;
+use crate::search::nsga2;
 
 /// Errors are clamped to this: no budget allows more, so settings beyond it differ in power alone.
 const GREATEST_ERROR: f64 = 0.3;
@@ -16,11 +15,6 @@ const OPTIMISM: f64 = 0.5;
 const EXPLORATION: f64 = 3.0;
 /// Least gain, summed over goals, for which settings are rendered.
 const LEAST_GAIN: f64 = 1e-3;
-
-/// The seed of a round of proposals: different in every round.
-pub(crate) fn round_seed(seed: u64, round: u64) -> u64 {
-    seed.wrapping_mul(1000).wrapping_add(round)
-}
 
 /// Inputs of proposals.
 #[derive(Clone, Copy, Debug)]
@@ -35,26 +29,6 @@ pub(crate) struct Proposal<'a> {
     pub layout: &'a FrameLayout,
     /// Mean errors of rendered settings.
     pub errors: &'a [(KnobLevels, f64)],
-}
-
-/// Both models as objectives, in logarithms, so that crowding and dominance resolve the range of
-/// budgets. `optimism`: standard deviations below the expected error.
-fn objectives(
-    proposal: &Proposal<'_>,
-    error: &ErrorModel<'_>,
-    optimism: f64,
-    settings: KnobLevels,
-) -> CostPoint {
-    let Proposal { space, screening, cost, layout, .. } = *proposal;
-    let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
-    // A knob without effect stays at its cheapest, however little power that saves.
-    if screening.fixed(space, settings) != space.canonical(settings) {
-        return CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0);
-    }
-    let (mean, deviation) = error.predict(settings);
-    let error = mean - optimism * deviation;
-    let error = error.clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln());
-    CostPoint::new(power, error)
 }
 
 /// Up to `count` unrendered settings with the greatest expected gain, in the range of error
@@ -75,11 +49,22 @@ pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<K
         let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
         (point.settings, CostPoint::new(point.cost.power.0.exp() / best_power, error))
     };
+    // Both models, in logarithms, so that crowding and dominance resolve the range of budgets.
+    let objectives = |settings: KnobLevels, optimism: f64| {
+        let power = power(settings).max(1e-9).ln();
+        // A knob without effect stays at its cheapest, however little power that saves.
+        if screening.fixed(space, settings) != space.canonical(settings) {
+            return CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0);
+        }
+        let (mean, deviation) = error.predict(settings);
+        let error = mean - optimism * deviation;
+        let error = error.clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln());
+        CostPoint::new(power, error)
+    };
     let cheapest = power(space.lowest()) / best_power;
     let mut proposed = Vec::new();
     for optimism in [OPTIMISM, EXPLORATION] {
-        let found = Search { space, seed }
-            .run(&known, &mut |settings| objectives(proposal, &error, optimism, settings));
+        let found = nsga2(space, seed, &known, &mut |settings| objectives(settings, optimism));
         let candidates: Vec<_> = found.points().iter().map(point).collect();
         let more = greatest_gains(&rendered, &candidates, cheapest, count - proposed.len());
         proposed.extend(more.iter().map(|(settings, _)| *settings));
@@ -91,58 +76,41 @@ pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<K
     proposed
 }
 
-/// The best scores of rendered settings. Powers are shares of the best settings' power.
-struct Reached {
-    goals: Goals,
-    least: Vec<f64>,
-}
-
-impl Reached {
-    /// `cheapest`: the least power of all settings.
-    fn new(rendered: &[(KnobLevels, CostPoint)], cheapest: f64) -> Self {
-        let goals = Goals::new(cheapest..1.0);
-        // The best settings at the greatest error that counts: something to gain on where nothing is
-        // rendered.
-        let least = goals.scores(&CostPoint::new(1.0, GREATEST_ERROR)).collect();
-        let mut reached = Self { goals, least };
-        rendered.iter().for_each(|(_, cost)| reached.add(cost));
-        reached
-    }
-
-    fn add(&mut self, cost: &CostPoint) {
-        let scores = self.goals.scores(cost);
-        self.least.iter_mut().zip(scores).for_each(|(least, score)| *least = least.min(score));
-    }
-
-    /// Gain of a cost over these results, summed over goals.
-    fn gain(&self, cost: &CostPoint) -> f64 {
-        let scores = self.goals.scores(cost);
-        self.least.iter().zip(scores).map(|(least, score)| (least - score).max(0.0)).sum()
-    }
-}
-
-/// The candidates of greatest gain, each given those before it.
+/// The candidates of greatest gain in scores, summed over goals, each given those before it. Powers are
+/// shares of the best settings' power; `cheapest`: the least of all settings.
 fn greatest_gains(
     rendered: &[(KnobLevels, CostPoint)],
     candidates: &[(KnobLevels, CostPoint)],
     cheapest: f64,
     count: usize,
 ) -> Vec<(KnobLevels, CostPoint)> {
-    let mut reached = Reached::new(rendered, cheapest);
+    let range = cheapest..1.0;
+    let reach = |least: &mut [f64], cost: &CostPoint| {
+        let scores = scores(&range, cost);
+        least.iter_mut().zip(scores).for_each(|(least, score)| *least = least.min(score));
+    };
+    // The best settings at the greatest error that counts: something to gain on where nothing is
+    // rendered.
+    let mut least: Vec<f64> = scores(&range, &CostPoint::new(1.0, GREATEST_ERROR)).collect();
+    rendered.iter().for_each(|(_, cost)| reach(&mut least, cost));
     let mut open: Vec<&(KnobLevels, CostPoint)> = candidates
         .iter()
         .filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings))
         .collect();
     let mut taken = Vec::new();
     while taken.len() < count {
-        let gains = open.iter().map(|(_, cost)| reached.gain(cost)).enumerate();
+        let gain = |cost: &CostPoint| -> f64 {
+            let scores = scores(&range, cost);
+            least.iter().zip(scores).map(|(least, score)| (least - score).max(0.0)).sum()
+        };
+        let gains = open.iter().map(|(_, cost)| gain(cost)).enumerate();
         let Some((next, _)) =
             gains.filter(|(_, gain)| *gain > LEAST_GAIN).max_by(|a, b| a.1.total_cmp(&b.1))
         else {
             break;
         };
         let (settings, cost) = *open.swap_remove(next);
-        reached.add(&cost);
+        reach(&mut least, &cost);
         taken.push((settings, cost));
     }
     taken

@@ -18,29 +18,19 @@ pub(super) fn propose(
 ) -> Option<KnobLevels> {
     let free =
         |settings: KnobLevels| Some(space.canonical(settings)).filter(|settings| !taken(*settings));
-    for [low, high] in widest_first(frontier) {
+    let mut any = |mut all: Vec<KnobLevels>| {
+        all.shuffle(random);
+        all.into_iter().find_map(free)
+    };
+    widest_first(frontier).into_iter().find_map(|[low, high]| {
         let halfway = space.from_levels(|knob, _| (low.level(knob) + high.level(knob)) / 2);
-        if let Some(settings) = free(halfway) {
-            return Some(settings);
-        }
-        let mut towards: Vec<KnobLevels> = (0..space.len())
-            .filter(|knob| low.level(*knob) != high.level(*knob))
-            .flat_map(|knob| {
-                [low.with_level(knob, high.level(knob)), high.with_level(knob, low.level(knob))]
-            })
-            .collect();
-        towards.shuffle(random);
-        if let Some(settings) = towards.into_iter().find_map(free) {
-            return Some(settings);
-        }
-        let mut neighbours: Vec<KnobLevels> =
-            [low, high].into_iter().flat_map(|end| neighbours(space, end)).collect();
-        neighbours.shuffle(random);
-        if let Some(settings) = neighbours.into_iter().find_map(free) {
-            return Some(settings);
-        }
-    }
-    None
+        let differing = (0..space.len()).filter(|knob| low.level(*knob) != high.level(*knob));
+        let towards = differing.flat_map(|knob| {
+            [low.with_level(knob, high.level(knob)), high.with_level(knob, low.level(knob))]
+        });
+        let neighbours = [low, high].into_iter().flat_map(|end| neighbours(space, end));
+        free(halfway).or_else(|| any(towards.collect())).or_else(|| any(neighbours.collect()))
+    })
 }
 
 /// Pairs of neighbours on `frontier`, in descending order of the area of the box between them: the

@@ -9,34 +9,16 @@ use frugal_core::frontier::{CostPoint, FrontierPoint};
 /// Indices into `costs` by front: the first is non-dominated, the second is dominated only by the
 /// first, and so on. Within a front, ascending.
 ///
-/// O(n²) comparisons, as in the paper; populations are tens. Costs must be finite: NaN is not
-/// dominated by anything and would be in the first front.
+/// Costs must be finite: NaN is not dominated by anything and would be in the first front.
 fn fronts(costs: &[CostPoint]) -> Vec<Vec<usize>> {
-    let mut dominated = vec![Vec::new(); costs.len()];
-    let mut dominated_by = vec![0_usize; costs.len()];
-    for (a, one) in costs.iter().enumerate() {
-        for (b, other) in costs.iter().enumerate() {
-            if one.dominates(*other) {
-                dominated[a].push(b);
-                dominated_by[b] += 1;
-            }
-        }
-    }
+    let mut left: Vec<usize> = (0..costs.len()).collect();
     let mut sorted = Vec::new();
-    let mut front: Vec<usize> =
-        (0..costs.len()).filter(|index| dominated_by[*index] == 0).collect();
-    while !front.is_empty() {
-        let mut next = Vec::new();
-        for better in &front {
-            for worse in &dominated[*better] {
-                dominated_by[*worse] -= 1;
-                if dominated_by[*worse] == 0 {
-                    next.push(*worse);
-                }
-            }
-        }
-        next.sort_unstable();
-        sorted.push(std::mem::replace(&mut front, next));
+    while !left.is_empty() {
+        let is_dominated =
+            |one: &usize| left.iter().any(|other| costs[*other].dominates(costs[*one]));
+        let (worse, front) = left.iter().copied().partition(is_dominated);
+        sorted.push(front);
+        left = worse;
     }
     sorted
 }
@@ -65,28 +47,21 @@ fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f64> {
     distances
 }
 
-/// Fitness of a point: its front's number (0 is best), and its crowding distance (larger is
-/// better).
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Fitness {
-    rank: usize,
-    crowding: f64,
-}
+/// Fitness of a point: its front's number (0 is best), and its crowding distance (larger is better).
+pub(super) type Fitness = (usize, f64);
 
-impl Fitness {
-    /// The crowded-comparison operator: `Less` is fitter.
-    pub(super) fn compare(self, other: Self) -> Ordering {
-        self.rank.cmp(&other.rank).then(other.crowding.total_cmp(&self.crowding))
-    }
+/// The crowded-comparison operator: `Less` is fitter.
+pub(super) fn compare(one: Fitness, other: Fitness) -> Ordering {
+    one.0.cmp(&other.0).then(other.1.total_cmp(&one.1))
 }
 
 /// The fitness of every point among the others.
 pub(super) fn fitness(points: &[FrontierPoint]) -> Vec<Fitness> {
     let costs: Vec<CostPoint> = points.iter().map(|point| point.cost).collect();
-    let mut fitness = vec![Fitness { rank: 0, crowding: 0.0 }; points.len()];
+    let mut fitness = vec![(0, 0.0); points.len()];
     for (rank, front) in fronts(&costs).iter().enumerate() {
         for (index, crowding) in front.iter().zip(crowding_distances(&costs, front)) {
-            fitness[*index] = Fitness { rank, crowding };
+            fitness[*index] = (rank, crowding);
         }
     }
     fitness
@@ -104,7 +79,7 @@ pub(super) fn survivors(points: Vec<FrontierPoint>, capacity: usize) -> Vec<Fron
     });
     let fitness = fitness(&unique);
     let mut order: Vec<usize> = (0..unique.len()).collect();
-    order.sort_by(|a, b| fitness[*a].compare(fitness[*b]));
+    order.sort_by(|a, b| compare(fitness[*a], fitness[*b]));
     unique = order.into_iter().map(|index| unique[index]).collect();
     unique.append(&mut clones);
     unique.truncate(capacity);

@@ -7,7 +7,7 @@ use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::{Search, random_settings};
+use super::{nsga2, random_settings, spread};
 
 const KNOBS: usize = 16;
 const LEVELS: usize = 16;
@@ -53,7 +53,7 @@ fn frontier_of(settings: impl IntoIterator<Item = KnobLevels>, cost: Cost) -> Fr
 /// The frontier found, and the settings evaluated, in order.
 fn search(space: &KnobSpace, seed: u64, cost: Cost) -> (Frontier, Vec<KnobLevels>) {
     let mut evaluated = Vec::new();
-    let found = Search { space, seed }.run(&[], &mut |settings| {
+    let found = nsga2(space, seed, &[], &mut |settings| {
         evaluated.push(settings);
         cost(settings)
     });
@@ -109,4 +109,14 @@ fn costs_that_are_not_finite_are_tolerated() {
     };
     let (found, _) = search(&space(), 0, half);
     assert!(found.points().len() > 5 && found.points().iter().all(|point| point.cost.is_finite()));
+}
+
+#[test]
+fn a_long_inheritance_is_thinned_evenly_and_foreign_settings_are_dropped() {
+    let space =
+        KnobSpace::new(vec![Knob::new("a", [0.0, 1.0, 2.0, 3.0]), Knob::new("b", [0.0, 1.0])])
+            .expect("a valid space");
+    let all: Vec<_> = space.iter().collect();
+    assert_eq!(spread(&space, &all, 4), [all[0], all[2], all[4], all[6]]);
+    assert_eq!(spread(&space, &[all[1], all[1], KnobLevels::from_bits(0xffff)], 4), [all[1]]);
 }

@@ -49,14 +49,12 @@ pub(super) fn mutate_one(
     settings: KnobLevels,
     random: &mut impl Rng,
 ) -> KnobLevels {
-    let movable = || (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
-    let count = movable().count();
-    if count == 0 {
+    let is_movable = |knob: &usize| space.knobs()[*knob].levels.len() > 1;
+    let movable: Vec<usize> = (0..space.len()).filter(is_movable).collect();
+    if movable.is_empty() {
         return settings;
     }
-    movable()
-        .nth(random.random_range(0..count))
-        .map_or(settings, |knob| change(space, settings, knob, random))
+    change(space, settings, movable[random.random_range(0..movable.len())], random)
 }
 
 /// Uniformly sampled levels.

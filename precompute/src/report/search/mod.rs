@@ -1,5 +1,5 @@
 //! The section on a search: cameras and the settings selected there, error at equal power, influence
-//! of knobs, calibration, effort.
+//! of knobs, calibration.
 
 mod plots;
 mod summary;
@@ -39,19 +39,6 @@ pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportE
         ),
     ]);
     section.legend(legend.iter().map(|(name, color)| (name.as_str(), *color)));
-    let effort = outcome.stages.iter().map(|stage| {
-        vec![
-            stage.stage.clone(),
-            stage.renderings.to_string(),
-            format!("{:.1}", stage.seconds),
-            format!("{:.3}", stage.seconds / stage.renderings.max(1) as f64),
-        ]
-    });
-    section.table(
-        "Effort of this run by stage; renderings of a resumed run are not counted",
-        &["stage", "renderings", "seconds", "seconds each"],
-        &effort.collect::<Vec<_>>(),
-    );
     let mut pool: Vec<FrontierPoint> = outcome
         .pool
         .iter()
@@ -139,8 +126,6 @@ mod tests {
             "Without effect, at their cheapest",
             "idle",
             "Training cameras",
-            "screening",
-            "proposals",
             "gi_pixel_fraction",
         ] {
             assert!(html.contains(text), "{text}");
@@ -163,7 +148,6 @@ mod tests {
         outcome.fitted.shared = frugal_core::frontier::Frontier::default();
         outcome.fitted.held_out.clear();
         outcome.error_rates.0.clear();
-        outcome.stages.clear();
         let map = map_of(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
         let summary =
             SearchSummary { map, outcome, cameras: frugal_search::cameras::CameraSet::default() };
