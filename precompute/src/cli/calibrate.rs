@@ -96,12 +96,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             started.elapsed().as_secs_f64()
         )));
     }
-    let quality = CostModel::cross_validated(&readings, Watts(0.0), FOLDS);
+    let error = CostModel::cross_validated(&readings, Watts(0.0), FOLDS);
     let model = CostModel::fit(&readings, Watts(0.0));
     let device = DeviceModel {
         adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),
         meter: stage.meter.clone(),
-        mean_absolute_error: quality.mean_absolute_error,
+        mean_absolute_error: error,
         prices: WorkPrices { idle, ..work_prices(&model, &space, &layout, fps) },
     };
     let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new())
@@ -115,10 +115,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         device.adapter
     );
     println!(
-        "error at held-out readings, of the power beyond the idle device's {:.1} W: {:.1} % in the mean, {:.1} % at the 90th percentile; readings of one frame themselves vary by several percent",
+        "error at held-out readings, of the power beyond the idle device's {:.1} W: {:.1} % in the mean; readings of one frame themselves vary by several percent",
         idle.0,
-        100.0 * quality.mean_absolute_error,
-        100.0 * quality.ninth_decile
+        100.0 * error
     );
     for (kind, joules) in
         device.prices.kinds.iter().zip(&device.prices.joules).filter(|(_, joules)| **joules > 0.0)

@@ -8,15 +8,14 @@ use frugal_core::knobs::KnobSpace;
 use frugal_search::evaluate::{EvaluationResult, RunResult};
 
 /// Heads of the columns of [`table`].
-pub(crate) const TABLE_HEADERS: [&str; 8] =
-    ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
+pub(crate) const TABLE_HEADERS: [&str; 7] =
+    ["run", "mean W", "mean error", "max error", "over budget", "switches", "met"];
 
 /// The row of a run.
-pub(crate) fn table_row(run: &RunResult) -> [String; 8] {
+pub(crate) fn table_row(run: &RunResult) -> [String; 7] {
     [
         run.name.clone(),
         format!("{:.3}", run.mean_power_w.0),
-        format!("{:.3}", run.median_power_w.0),
         format!("{:.4}", run.mean_error),
         format!("{:.4}", run.max_error),
         run.frames_over_budget.to_string(),
@@ -40,7 +39,7 @@ pub(crate) fn headline(result: &EvaluationResult) -> String {
 
 /// `result` as plain text; every line ends with a line break.
 pub(crate) fn table(result: &EvaluationResult) -> String {
-    let rows: Vec<[String; 8]> = result.runs.iter().map(table_row).collect();
+    let rows: Vec<[String; 7]> = result.runs.iter().map(table_row).collect();
     let width = |column: usize| {
         rows.iter()
             .map(|row| row[column].len())
@@ -48,12 +47,12 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
             .max()
             .unwrap_or(0)
     };
-    let widths: [usize; 8] = std::array::from_fn(width);
+    let widths: [usize; 7] = std::array::from_fn(width);
     let line = |cells: &dyn Fn(usize) -> String| {
-        let cells = (0..8).map(|column| {
+        let cells = (0..7).map(|column| {
             let (cell, width) = (cells(column), widths[column]);
             // Names and words to the left, numbers to the right.
-            if column == 0 || column == 7 {
+            if column == 0 || column == 6 {
                 format!("{cell:<width$}")
             } else {
                 format!("{cell:>width$}")
@@ -166,10 +165,10 @@ mod tests {
         assert!(lines[0].contains("power at most 10% (power 1.329 W)"), "{text}");
         let ends = |line: &str| line.find("error").map(|at| at + "error".len());
         assert_eq!(lines[2].len(), lines[3].len());
-        assert_eq!(ends(lines[2]), Some("trained-constant  mean W  median W  mean error".len()));
+        assert_eq!(ends(lines[2]), Some("trained-constant  mean W  mean error".len()));
         assert_eq!(
             lines[4..11].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
-            [8; 7]
+            [7; 7]
         );
         assert!(lines[4].starts_with("frugal             1.342 "), "{text}");
         assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");

@@ -123,15 +123,14 @@ fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, Repor
     Ok(plots)
 }
 
-/// The columns of the printed table, and two more.
+/// The columns of the printed table, and the settings.
 fn table(result: &EvaluationResult) -> (Vec<&'static str>, Vec<Vec<String>>) {
     let row = |run: &RunResult| {
-        let over = run.p99_overshoot_w.map_or("–".to_owned(), |watts| format!("{:.3}", watts.0));
         let settings =
             run.settings.as_ref().map_or("vary".to_owned(), |settings| settings.replace(',', ", "));
-        table_row(run).into_iter().chain([over, settings]).collect()
+        table_row(run).into_iter().chain([settings]).collect()
     };
-    let headers = TABLE_HEADERS.into_iter().chain(["99% over by, W", "settings"]);
+    let headers = TABLE_HEADERS.into_iter().chain(["settings"]);
     (headers.collect(), result.runs.iter().map(row).collect())
 }
 

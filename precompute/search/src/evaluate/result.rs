@@ -80,11 +80,6 @@ pub struct RunResult {
     pub switches: usize,
     /// The settings in words, if constant.
     pub settings: Option<String>,
-    /// Median over the frames.
-    pub median_power_w: Watts,
-    /// Excess of the 99th percentile of the frames' power over the power budget: 0 where it is
-    /// within it, `None` without a power budget.
-    pub p99_overshoot_w: Option<Watts>,
     /// Whether mean power, by 2 %, and mean error keep the budget.
     pub met: bool,
     /// Share of windows of the horizon whose mean power exceeds the power budget by more than 2 %;
@@ -165,8 +160,6 @@ impl RunResult {
         space: &KnobSpace,
         fps: f64,
     ) -> Self {
-        let mut powers: Vec<f64> = series.iter().map(|frame| frame.power.0).collect();
-        powers.sort_by(f64::total_cmp);
         let (mean_power_w, mean_error) = (mean_power(&series), mean_error(&series));
         let switches =
             series.windows(2).filter(|pair| pair[0].settings != pair[1].settings).count();
@@ -181,10 +174,6 @@ impl RunResult {
             frames_over_budget: series.iter().filter(is_over).count(),
             switches,
             settings: constant.map(|frame| space.describe(frame.settings)),
-            median_power_w: Watts(quantile(&powers, 0.5)),
-            p99_overshoot_w: budget
-                .power_w
-                .map(|limit| Watts((quantile(&powers, 0.99) - limit.0).max(0.0))),
             met: budget.keeps(mean_power_w * (1.0 / ALLOWED), mean_error),
             windows_over: budget.power_w.map(|limit| {
                 let mut sum: f64 = series[..window].iter().map(|frame| frame.power.0).sum();
@@ -219,16 +208,6 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// The value at `share` (0 to 1) of `sorted`, with linear interpolation: 0.5 is the median. 0 for an
-/// empty slice.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let position = share * last as f64;
-    let below = position.floor() as usize;
-    let above = (below + 1).min(last);
-    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
-}
-
 /// Whole frame rates are written as integers: `30`.
 fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     if value.fract() == 0.0 && value.abs() < 1e9 {
@@ -256,14 +235,13 @@ mod tests {
         let budget =
             ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1), ..Default::default() };
         let run = RunResult::new("frugal", series, &budget, &KnobSpace::default(), 30.0);
-        assert_eq!((run.mean_power_w, run.median_power_w), (Watts(3.0), Watts(3.0)));
+        assert_eq!(run.mean_power_w, Watts(3.0));
         assert_eq!(
             (run.frames_over_budget, run.switches),
             (2, 2),
             "one frame exceeds by error, one by power"
         );
         assert_eq!((run.mean_error, run.max_error, run.met), (0.05, 0.2, true));
-        assert!((run.p99_overshoot_w.unwrap().0 - 1.94).abs() < 1e-12);
         assert_eq!(run.settings, None, "they changed");
     }
 
@@ -276,7 +254,7 @@ mod tests {
             &KnobSpace::default(),
             30.0,
         );
-        assert_eq!((run.frames_over_budget, run.p99_overshoot_w, run.met), (0, None, true));
+        assert_eq!((run.frames_over_budget, run.windows_over, run.met), (0, None, true));
         assert_eq!(run.settings.as_deref(), Some(""));
     }
 
@@ -287,14 +265,5 @@ mod tests {
             (Drift::between(&[frame(0, 2.0, 0.0)], &[frame(0, 2.1, 0.0)]).relative - 0.05).abs()
                 < 1e-12
         );
-    }
-
-    #[test]
-    fn quantiles_lie_between_neighbours() {
-        assert_eq!(quantile(&[1.0, 2.0, 3.0, 10.0], 0.5), 2.5);
-        assert_eq!(quantile(&[1.0], 0.99), 1.0);
-        assert_eq!(quantile(&[], 0.5), 0.0);
-        let hundred: Vec<f64> = (0..=100).map(f64::from).collect();
-        assert_eq!(quantile(&hundred, 0.99), 99.0);
     }
 }

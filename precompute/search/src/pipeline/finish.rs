@@ -81,7 +81,7 @@ pub(super) fn finish<M: Measure>(
         error_rates,
         pool,
         screening,
-        cost_quality: CostModel::cross_validated(&readings, subject.idle, 5),
+        cost_error: CostModel::cross_validated(&readings, subject.idle, 5),
         cost: costs.model,
         cameras: [used.len(), counts[1]],
         renderings: renderings.count(),

@@ -19,7 +19,7 @@ use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::units::Watts;
 
 use crate::cameras::{CameraSet, MovingCamera};
-use crate::cost::{CostModel, FitQuality, FrameLayout};
+use crate::cost::{CostModel, FrameLayout};
 use crate::fit::{Completion, FitConfig, Fitted};
 use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, screening_settings};
@@ -87,8 +87,8 @@ pub struct Outcome {
     pub screening: Screening,
     /// Prices of work, fitted to all readings.
     pub cost: CostModel,
-    /// Their cross-validated quality.
-    pub cost_quality: FitQuality,
+    /// Mean relative error of power at held-out readings.
+    pub cost_error: f64,
     /// Numbers of training and calibration cameras in the map.
     pub cameras: [usize; 2],
     /// Number of renderings in the journal.

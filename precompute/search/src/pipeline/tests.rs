@@ -189,7 +189,7 @@ fn the_map_dominates_the_best_constant_where_views_differ() {
         "{:?}",
         outcome.fitted.report
     );
-    assert!(outcome.cost_quality.mean_absolute_error < 0.02, "{:?}", outcome.cost_quality);
+    assert!(outcome.cost_error < 0.02, "{}", outcome.cost_error);
     assert!(
         outcome.error_rates.is_sound() && outcome.error_rates.0.len() > 6,
         "{:?}",

@@ -57,7 +57,7 @@ pub(crate) fn search_section(summary: &SearchSummary) -> Result<Section, ReportE
 
 /// Effort, size of the map, and accuracy of its figures, by name.
 pub(crate) fn search_facts(SearchSummary { map, outcome, cameras }: &SearchSummary) -> Vec<Fact> {
-    let (report, quality) = (&outcome.fitted.report, outcome.cost_quality);
+    let report = &outcome.fitted.report;
     let (made, seconds) = outcome.effort;
     let [training, calibration] = outcome.cameras;
     let budgets = match map.error_rates.0.first() {
@@ -85,11 +85,7 @@ pub(crate) fn search_facts(SearchSummary { map, outcome, cameras }: &SearchSumma
         ("With one shared frontier", percent(report.shared_loss)),
         (
             "Error of the cost model",
-            format!(
-                "{} in the mean, {} at the 90th percentile, at held-out readings",
-                percent(quality.mean_absolute_error),
-                percent(quality.ninth_decile)
-            ),
+            percent(outcome.cost_error) + " in the mean, at held-out readings",
         ),
         ("Errors in play ÷ those of clips", outcome.played.to_string()),
         ("Error budgets", budgets),
@@ -122,12 +118,9 @@ mod tests {
         let mut report = Report::new("search");
         report.section(search_section(&summary).expect("a section"));
         let html = report.render();
-        for text in [
-            "Without effect, at their cheapest",
-            "idle",
-            "Training cameras",
-            "gi_pixel_fraction",
-        ] {
+        for text in
+            ["Without effect, at their cheapest", "idle", "Training cameras", "gi_pixel_fraction"]
+        {
             assert!(html.contains(text), "{text}");
         }
         // A wedge for each training camera, and a ring for each calibration camera.
