@@ -113,16 +113,14 @@ fn of_image(pixels: &[Pixel]) -> ViewFeatures {
         (pixels.iter().map(|pixel| (value(pixel) - mean).powi(2)).sum::<f64>() / count).sqrt()
     };
     let share = |is: &dyn Fn(&Pixel) -> bool| mean(&|pixel| f64::from(u8::from(is(pixel))));
-    let all = |pixel: &Pixel| pixel.all;
-    let indirect = |pixel: &Pixel| pixel.indirect();
     let difference =
         |value: fn(&Pixel) -> f64| of_neighbours(pixels, |a, b| (value(a) - value(b)).abs());
     let contrast = of_neighbours(pixels, |a, b| (a.all - b.all).abs() / (b.all + 0.05));
     vec![
-        mean(&all),
-        deviation(&all),
-        mean(&indirect),
-        deviation(&indirect),
+        mean(&|pixel| pixel.all),
+        deviation(&|pixel| pixel.all),
+        mean(&Pixel::indirect),
+        deviation(&Pixel::indirect),
         share(&|pixel| pixel.is_sky),
         mean(&|pixel| pixel.distance),
         deviation(&|pixel| pixel.distance),

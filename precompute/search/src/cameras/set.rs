@@ -98,12 +98,11 @@ impl CameraSet {
             random.set_stream(number);
             random
         };
-        let (stretches_count, frames) = STRETCHES;
         Self {
             training: source.sample(count, RENDERED, stream(0)),
             calibration: source.sample(calibration, RENDERED, stream(1)),
             unrendered: source.sample(unrendered, UNRENDERED, stream(2)),
-            stretches: stretches(tracks, stretches_count, frames),
+            stretches: stretches(tracks, STRETCHES.0, STRETCHES.1),
         }
     }
 }

@@ -41,22 +41,18 @@ fn distance(a: &Estimate, b: &Estimate) -> f64 {
 }
 
 fn mean<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> Estimate {
-    let mut sum: Vec<CostPoint> = Vec::new();
-    let mut weight = 0.0;
-    for estimate in estimates {
-        // No estimate is without influence.
-        let share = estimate.weight.max(1e-3);
-        weight += share;
-        sum.resize(estimate.costs.len(), CostPoint::new(0.0, 0.0));
-        for (sum, cost) in sum.iter_mut().zip(&estimate.costs) {
-            *sum =
-                CostPoint::new(sum.power.0 + share * cost.power.0, sum.error + share * cost.error);
-        }
-    }
-    for cost in &mut sum {
-        *cost = CostPoint::new(cost.power.0 / weight, cost.error / weight);
-    }
-    Estimate { costs: sum, weight }
+    // No estimate is without influence.
+    let all: Vec<(f64, &Estimate)> =
+        estimates.map(|estimate| (estimate.weight.max(1e-3), estimate)).collect();
+    let weight: f64 = all.iter().map(|(share, _)| share).sum();
+    let mean = |setting: usize| {
+        let of = |value: fn(&CostPoint) -> f64| {
+            all.iter().map(|(share, of)| share * value(&of.costs[setting])).sum::<f64>() / weight
+        };
+        CostPoint::new(of(|cost| cost.power.0), of(|cost| cost.error))
+    };
+    let settings = all.first().map_or(0, |(_, estimate)| estimate.costs.len());
+    Estimate { costs: (0..settings).map(mean).collect(), weight }
 }
 
 /// Farthest-point selection (Gonzalez 1985): a few of many, far apart. At most doubles the greatest

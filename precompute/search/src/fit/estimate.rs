@@ -37,24 +37,20 @@ impl Keys {
             all.map(|(leaf, view)| address_in(bounds, levels, leaf, view)).collect()
         };
         let addresses = (0..=levels).map(at_depth).collect();
-        let viewpoints = views.iter().map(Viewpoint::from).collect();
+        let viewpoints =
+            views.iter().map(|view| Viewpoint::new(view.position, view.rotation)).collect();
         Self { addresses, positions, viewpoints, bounds: *bounds, levels }
     }
 
     /// The viewpoint that an address stands for.
     fn viewpoint(&self, address: Address) -> Viewpoint {
         let unit = Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
-        Viewpoint::from(&CameraView {
-            position: self.bounds.from_unit(unit),
-            rotation: address.direction.rotation(),
-            vertical_fov: 1.0,
-            aspect: 1.0,
-        })
+        Viewpoint::new(self.bounds.from_unit(unit), address.direction.rotation())
     }
 }
 
 /// The cube at depth `depth` that contains `position`.
-pub(super) fn leaf_at(levels: u8, depth: u8, position: glam::Vec3) -> Leaf {
+pub(super) fn leaf_at(levels: u8, depth: u8, position: Vec3) -> Leaf {
     let (lattice, size) = (1_u16 << levels, 1_u16 << (levels - depth));
     let min = position
         .to_array()

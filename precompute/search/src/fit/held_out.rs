@@ -14,8 +14,9 @@ const RATES: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 /// Held-out and kept cameras of each fold; groups are never split, and no fold holds out all
 /// cameras.
 fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> + '_ {
-    let fold =
-        |camera: usize| training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1);
+    let fold = |camera: usize| {
+        training.cameras[camera].group.wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1)
+    };
     let splits = (0..FOLDS)
         .map(move |number| (0..training.cameras()).partition(|camera| fold(*camera) == number));
     splits.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())

@@ -27,7 +27,7 @@ use cluster::cluster;
 pub(crate) use completion::Completion;
 use estimate::{Keys, Pyramid, leaf_at};
 use held_out::{held_out, mean_loss};
-pub(crate) use regression::DescribedView;
+pub(crate) use regression::{DescribedView, Viewpoint};
 use training::Estimate;
 pub(crate) use training::Training;
 
@@ -79,8 +79,6 @@ pub struct FitReport {
     pub shared_loss: f64,
     /// The same for the octree.
     pub octree_loss: f64,
-    /// Number of addresses with cameras.
-    pub addresses: usize,
     /// The power threshold used, watts.
     pub power_threshold_w: f64,
 }
@@ -148,12 +146,7 @@ pub(crate) fn fit(
     } else {
         (nodes, leaves, octree_loss) = (vec![0], vec![(root, 0, all)], shared_loss);
     }
-    let report = FitReport {
-        shared_loss,
-        octree_loss,
-        addresses: members.len(),
-        power_threshold_w: threshold_w,
-    };
+    let report = FitReport { shared_loss, octree_loss, power_threshold_w: threshold_w };
     // From an address's cameras, or from those around it; none for the shared one.
     let estimate = |address: Address| match members.get(&address) {
         Some(members) => Some(pyramid.of_cameras(members)),

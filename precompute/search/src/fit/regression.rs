@@ -4,8 +4,7 @@
 //! Views are alike where they show alike things ([view features](crate::view_features)), and where
 //! they are near each other. Logarithms of errors are predicted, with their uncertainty.
 
-use frugal_core::frontier::CameraView;
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::linalg::{cholesky, dot, inverse};
 use crate::pool::LEAST_ERROR;
@@ -30,13 +29,11 @@ pub(crate) struct Viewpoint {
     forward: Vec3,
 }
 
-impl From<&CameraView> for Viewpoint {
-    fn from(view: &CameraView) -> Self {
-        Self { position: view.position, forward: view.rotation * Vec3::NEG_Z }
-    }
-}
-
 impl Viewpoint {
+    pub(crate) fn new(position: Vec3, rotation: Quat) -> Self {
+        Self { position, forward: rotation * Vec3::NEG_Z }
+    }
+
     /// Distance of two viewpoints in steps; infinite instead of NaN.
     pub(super) fn steps(&self, other: &Self) -> f32 {
         let metres = self.position.distance(other.position) / STEP.0;
@@ -166,20 +163,14 @@ fn covariance(a: &DescribedView, b: &DescribedView) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Quat, Vec3};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
 
     fn seen(x: f32, features: [f64; 3]) -> DescribedView {
-        let view = CameraView {
-            position: Vec3::X * x,
-            rotation: Quat::IDENTITY,
-            vertical_fov: 1.0,
-            aspect: 1.0,
-        };
-        DescribedView { viewpoint: Viewpoint::from(&view), features: features.to_vec() }
+        let viewpoint = Viewpoint::new(Vec3::X * x, Quat::IDENTITY);
+        DescribedView { viewpoint, features: features.to_vec() }
     }
 
     /// Views far apart from each other, whose errors follow from two of three features.

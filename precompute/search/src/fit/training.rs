@@ -16,7 +16,7 @@ pub(crate) struct Training {
     settings: Vec<KnobLevels>,
     /// By camera, then by setting.
     costs: Vec<Vec<CostPoint>>,
-    cameras: Vec<MovingCamera>,
+    pub(super) cameras: Vec<MovingCamera>,
     /// What the views show, of the cameras and of the unrendered views after them; empty without
     /// unrendered views.
     seen: Vec<DescribedView>,
@@ -101,11 +101,6 @@ impl Training {
     /// Cost of each setting at a camera, or at an unrendered view.
     pub(crate) fn costs(&self, camera: usize) -> &[CostPoint] {
         &self.costs[camera]
-    }
-
-    /// Cross-validation group: cameras of one group are held out together.
-    pub(crate) fn group(&self, camera: usize) -> u32 {
-        self.cameras[camera].group
     }
 
     /// Cameras on tracks, which are representative of an app; all cameras where those are too few.

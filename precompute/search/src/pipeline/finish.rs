@@ -1,53 +1,26 @@
 //! The end of a search: costs as in play, the fit, calibration, the map.
 
 use frugal_core::frontier::{
-    CameraView, Capture, FrontierMap, KnobEffects, SceneIdentity, Thresholds,
+    CameraView, Capture, ErrorRates, FrontierMap, KnobEffects, SceneIdentity, Thresholds,
+    look_up_in,
 };
 use frugal_core::power::MeterInfo;
 
-use super::budgets::calibrated;
-use super::modelled::{Modelled, readings};
-use super::{Extent, Outcome, PipelineConfig, Purpose, Rendered, Renderings, Subject, table};
+use super::modelled::{modelled, readings};
+use super::{
+    Extent, Outcome, PipelineConfig, PlayShare, Purpose, Rendered, Renderings, Subject, table,
+};
 use crate::cameras::{CameraSet, MovingCamera, view_from};
 use crate::cost::{CostModel, saved_joules, work_prices};
-use crate::fit::{DescribedView, FitConfig, Training, fit};
+use crate::fit::{
+    Calibration, DescribedView, FitConfig, Fitted, Training, Viewpoint, calibrate, fit,
+};
 use crate::pool::Screening;
 use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
-/// Costs of the pool.
-pub(super) struct Costs {
-    /// At all training cameras, as rendered.
-    pub rendered: CostTable,
-    /// The same with power by the model, and with all errors, as in play.
-    pub training: CostTable,
-    /// At the calibration cameras, errors as in play.
-    pub calibration: CostTable,
-    model: CostModel,
-}
-
-impl Costs {
-    fn of<M: Measure>(
-        subject: &Subject<'_>,
-        cameras: &CameraSet,
-        Rendered { pool, counts, played, completion }: &Rendered,
-        renderings: &Renderings<'_, M>,
-    ) -> Self {
-        let table = |purpose: Purpose, count: usize| {
-            table(renderings, purpose, &(0..count).collect::<Vec<_>>(), pool)
-        };
-        let rendered = table(Purpose::Training, cameras.training.len());
-        let calibration = table(Purpose::Calibration, counts[1]);
-        let modelled = Modelled::of(subject, &rendered);
-        let Modelled { table: clips, model, .. } = match completion {
-            Some(completion) => modelled.completed(subject, completion),
-            None => modelled,
-        };
-        let training = played.apply(&clips, &clips);
-        let calibration = played.apply(&calibration, &training);
-        Self { rendered, training, calibration, model }
-    }
-}
+/// Cameras of tracks that are enough to calibrate by them alone.
+const ENOUGH_ON_TRACKS: usize = 20;
 
 /// Fits the octree and calibrates error budgets. `unrendered`: views that no camera has rendered;
 /// `features`: what training cameras and those views show.
@@ -59,9 +32,16 @@ pub(super) fn finish<M: Measure>(
     (unrendered, features): (&[MovingCamera], [Vec<ViewFeatures>; 2]),
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
-    let costs = Costs::of(subject, cameras, &rendered, renderings);
-    let Rendered { pool, counts, played, .. } = rendered;
-    let (training, rows) = Training::new(&costs.training, &cameras.training, &pool);
+    let Rendered { pool, counts, played, completion } = rendered;
+    let table = |purpose: Purpose, count: usize| {
+        table(renderings, purpose, &(0..count).collect::<Vec<_>>(), &pool)
+    };
+    let rendered = table(Purpose::Training, cameras.training.len());
+    let (clips, cost) = modelled(subject, &rendered, completion.as_ref());
+    // Power by the model, and all errors, as in play.
+    let costs = played.apply(&clips, &clips);
+    let calibration = played.apply(&table(Purpose::Calibration, counts[1]), &costs);
+    let (training, rows) = Training::new(&costs, &cameras.training, &pool);
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
     let views_of = |cameras: &[MovingCamera]| -> Vec<CameraView> {
         cameras.iter().map(|camera| view_from(&camera.pose, subject.lens)).collect()
@@ -73,23 +53,25 @@ pub(super) fn finish<M: Measure>(
         training.with_unrendered(described(&views, of_training), described(&beyond, of_unrendered));
     views.extend(beyond);
     let fitted = fit(&training, &views, subject.bounds, config);
-    let error_rates = calibrated(subject, cameras, &fitted, (&costs, &rows, &pool), &played);
+    let is_full = |row: usize| pool.iter().all(|one| rendered.get(row, *one).is_some());
+    let evidence = (&costs, &rows[..], &is_full as &dyn Fn(usize) -> bool, &calibration);
+    let error_rates = calibrated(subject, cameras, &fitted, evidence, &played);
     let best = subject.space.canonical(subject.space.highest());
-    let readings = readings(subject, &costs.rendered);
+    let readings = readings(subject, &rendered);
     Outcome {
         extent,
         error_rates,
         pool,
         screening,
         cost_error: CostModel::cross_validated(&readings, subject.idle, 5),
-        cost: costs.model,
+        cost,
         cameras: [used.len(), counts[1]],
-        renderings: renderings.count(),
+        renderings: renderings.known.len(),
         effort: (renderings.clock.made, renderings.clock.seconds),
-        training: costs.training.with_rows(&rows),
+        training: costs.with_rows(&rows),
         training_cameras: rows,
         played,
-        noise: costs.rendered.known_mean_error(best).unwrap_or(0.0),
+        noise: rendered.known_mean_error(best).unwrap_or(0.0),
         fitted,
     }
 }
@@ -100,10 +82,61 @@ fn described<'a>(
 ) -> Vec<DescribedView> {
     let pairs = views.iter().zip(features);
     let described = |(view, features): (&CameraView, &ViewFeatures)| DescribedView {
-        viewpoint: view.into(),
+        viewpoint: Viewpoint::new(view.position, view.rotation),
         features: features.clone(),
     };
     pairs.map(described).collect()
+}
+
+/// A camera by which error budgets are calibrated.
+struct Judge<'a> {
+    camera: MovingCamera,
+    /// Its frontier by cameras without it, and its errors.
+    calibration: Calibration<'a>,
+    /// Whether it has rendered the whole pool.
+    is_full: bool,
+}
+
+/// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
+/// that users play, and by all else.
+///
+/// Where there are enough, only cameras that have rendered the whole pool take part: completed errors
+/// share the prediction's bias.
+///
+/// `evidence`: costs at the training cameras, the rows there of those in the fit, whether one has rendered
+/// the whole pool, and costs at the calibration cameras.
+fn calibrated(
+    subject: &Subject<'_>,
+    cameras: &CameraSet,
+    fitted: &Fitted,
+    (costs, rows, is_full, calibration): (&CostTable, &[usize], &dyn Fn(usize) -> bool, &CostTable),
+    played: &PlayShare,
+) -> ErrorRates {
+    let apart = (0..calibration.rows()).filter_map(|row| {
+        let camera = cameras.calibration[row];
+        let view = view_from(&camera.pose, subject.lens);
+        let frontier = look_up_in(&fitted.octree, subject.bounds, &view)?.frontier;
+        let calibration = Calibration { frontier, table: calibration, row };
+        Some(Judge { camera, calibration, is_full: true })
+    });
+    let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| Judge {
+        camera: cameras.training[*row],
+        calibration: Calibration { frontier, table: costs, row: *row },
+        is_full: is_full(*row),
+    });
+    let mut all: Vec<Judge<'_>> =
+        apart.chain(crossed).filter(|judge| !judge.calibration.frontier.is_empty()).collect();
+    let on_track = |judge: &Judge<'_>| judge.camera.is_on_track();
+    if all.iter().filter(|judge| judge.is_full && on_track(judge)).count() >= ENOUGH_ON_TRACKS {
+        all.retain(|judge| judge.is_full);
+    }
+    if all.iter().filter(|judge| on_track(judge)).count() >= ENOUGH_ON_TRACKS {
+        all.retain(on_track);
+    }
+    // Groups are numbered along tracks.
+    all.sort_by_key(|judge| judge.camera.group);
+    let cameras: Vec<Calibration<'_>> = all.iter().map(|judge| judge.calibration).collect();
+    calibrate(&cameras, &|error| played.uncertainty(error))
 }
 
 /// The map of what `config`'s search of `subject` found.

@@ -3,7 +3,6 @@
 //! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
 //! Everything else that follows from renderings is recomputed when a run is resumed. Independent of
 //! the renderer: [`Measure`] renders.
-mod budgets;
 mod clock;
 mod extent;
 mod finish;
@@ -19,17 +18,17 @@ use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::units::Watts;
 
 use crate::cameras::{CameraSet, MovingCamera};
-use crate::cost::{CostModel, FrameLayout};
+use crate::cost::{CostModel, FrameLayout, Work};
 use crate::fit::{Completion, FitConfig, Fitted};
 use crate::journal::JournalError;
-use crate::pool::{Proposal, Screening, portfolio, propose, screening_settings};
+use crate::pool::{Screening, portfolio, propose, screening_settings};
 use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
 pub use extent::Extent;
 use finish::finish;
 pub use finish::map_of;
-use modelled::{Modelled, readings};
+use modelled::{modelled, readings};
 pub use play::PlayShare;
 use renderings::{Job, Purpose, Renderings};
 pub use renderings::{Progress, Setup};
@@ -228,9 +227,25 @@ fn find_pool<M: Measure>(
         }
         let proposed = renderings.settings(&name, |renderings| {
             let table = table(renderings, Purpose::Training, pilots, &rendered);
-            // Different in every round.
+            let cost = CostModel::fit(&readings(subject, &table), subject.idle);
+            // Alternates between all pilot cameras and each half of them, because the pool must suit
+            // different views.
+            let (first, step) = match round % 3 {
+                half @ 1.. if table.rows() > 1 => (half - 1, 2),
+                _ => (0, 1),
+            };
+            let error = |column: usize| {
+                let rows = (first..table.rows()).step_by(step);
+                table.mean(column, rows).map_or(f64::NAN, |cost| cost.error)
+            };
+            let columns = table.settings().iter().enumerate();
+            let errors: Vec<_> =
+                columns.map(|(column, settings)| (*settings, error(column))).collect();
+            let Subject { space, layout, .. } = *subject;
+            let power = |settings| cost.power(&Work::of(space, settings, layout));
+            // Another seed in every round.
             let seed = seed.wrapping_mul(1000).wrapping_add(round as u64);
-            propose_round(subject, (extent.batch, seed), screening, &table, round)
+            propose(space, screening, &power, &errors, (extent.batch, seed))
         })?;
         if proposed.is_empty() {
             break;
@@ -239,36 +254,6 @@ fn find_pool<M: Measure>(
         rendered.extend(proposed);
     }
     Ok(rendered)
-}
-
-/// Settings to render next at the pilot cameras; `table`: costs there so far.
-fn propose_round(
-    subject: &Subject<'_>,
-    (count, seed): (usize, u64),
-    screening: &Screening,
-    table: &CostTable,
-    round: usize,
-) -> Vec<KnobLevels> {
-    let Subject { space, layout, .. } = *subject;
-    let cost = CostModel::fit(&readings(subject, table), subject.idle);
-    // Alternates between all pilot cameras and each half of them, because the pool must suit
-    // different views.
-    let (first, step) = match round % 3 {
-        half @ 1.. if table.rows() > 1 => (half - 1, 2),
-        _ => (0, 1),
-    };
-    let mean = |column: usize| {
-        let rows = (first..table.rows()).step_by(step);
-        table.mean(column, rows).map_or(f64::NAN, |cost| cost.error)
-    };
-    let errors: Vec<_> = table
-        .settings()
-        .iter()
-        .enumerate()
-        .map(|(column, settings)| (*settings, mean(column)))
-        .collect();
-    let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
-    propose(&proposal, count, seed)
 }
 
 /// What was rendered at cameras.
@@ -294,11 +279,8 @@ fn render_cameras<M: Measure>(
 ) -> Result<Rendered, PipelineError<M::Error>> {
     let space = subject.space;
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
-    let pool = portfolio(
-        &Modelled::of(subject, &table(renderings, Purpose::Training, pilots, candidates)).table,
-        extent.pool,
-        &ends,
-    );
+    let at_pilots = table(renderings, Purpose::Training, pilots, candidates);
+    let pool = portfolio(&modelled(subject, &at_pilots, None).0, extent.pool, &ends);
     let at_pilots = table(renderings, Purpose::Training, pilots, &pool);
     let played = play::share_of_play(&at_pilots, space, renderings)?;
     // The pilot cameras are already rendered.

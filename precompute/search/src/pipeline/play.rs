@@ -29,12 +29,12 @@ fn settings(table: &CostTable) -> Vec<KnobLevels> {
     let frontier = Frontier::from_points(points);
     let with_error: Vec<&FrontierPoint> =
         frontier.points().iter().filter(|point| point.cost.error > 0.0).collect();
-    let mut chosen = Vec::new();
-    for wanted in ERRORS {
+    let nearest = |wanted: &f64| {
         let distance = |point: &FrontierPoint| (point.cost.error / wanted).ln().abs();
-        let nearest = with_error.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        chosen.extend(nearest.map(|point| point.settings));
-    }
+        with_error.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    let mut chosen: Vec<_> =
+        ERRORS.iter().filter_map(nearest).map(|point| point.settings).collect();
     chosen.dedup();
     chosen
 }
@@ -129,7 +129,7 @@ impl PlayShare {
     }
 
     /// Standard error of the share for settings with the mean `error`, as a part of it.
-    pub fn uncertainty(&self, error: f64) -> f64 {
+    pub(super) fn uncertainty(&self, error: f64) -> f64 {
         self.interpolated(error, |share| share.uncertainty)
     }
 
@@ -159,20 +159,6 @@ impl PlayShare {
             }
         }
         played
-    }
-}
-
-impl std::fmt::Display for PlayShare {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if self.0.is_empty() {
-            return write!(f, "{ASSUMED:.2} (assumed)");
-        }
-        for (index, Share { ln_error, share, uncertainty }) in self.0.iter().enumerate() {
-            let separator = if index > 0 { ", " } else { "" };
-            let (error, spread) = (ln_error.exp(), share * uncertainty);
-            write!(f, "{separator}{share:.2} ± {spread:.2} at {error:.3}")?;
-        }
-        Ok(())
     }
 }
 
@@ -209,7 +195,6 @@ mod tests {
         assert!((share.at(0.005) - 0.925).abs() < 1e-9 && share.at(0.0) == 1.0, "{share:?}");
         assert_eq!([0.04, 0.5, f64::INFINITY].map(|error| share.of_rendered(error)), [0.9; 3]);
         assert_eq!((known(&[]).of_rendered(0.1), known(&[]).uncertainty(0.1)), (ASSUMED, 0.0));
-        assert_eq!(share.to_string(), "0.70 ± 0.05 at 0.010, 0.90 ± 0.08 at 0.040");
     }
 
     #[test]

@@ -75,7 +75,7 @@ pub(super) struct Renderings<'a, M> {
     /// Its inputs; the journal with all records so far.
     pub setup: Setup<'a, M>,
     /// Costs by [`question`].
-    known: HashMap<String, CostPoint>,
+    pub known: HashMap<String, CostPoint>,
     /// The time limit's clock.
     pub clock: Clock,
 }
@@ -181,11 +181,6 @@ impl<'a, M: Measure> Renderings<'a, M> {
     /// Cost of settings at a camera; `None` where not rendered.
     pub(super) fn get(&self, camera: (Purpose, usize), settings: KnobLevels) -> Option<CostPoint> {
         self.known.get(&question(camera, settings)).copied()
-    }
-
-    /// Number of known renderings.
-    pub(super) fn count(&self) -> usize {
-        self.known.len()
     }
 
     /// Whether `more` renderings will probably finish within `share` of the time limit. A resumed run

@@ -15,7 +15,7 @@ use frugal_core::frontier::CostPoint;
 
 pub(crate) use error_model::ErrorModel;
 pub(crate) use portfolio::portfolio;
-pub(crate) use propose::{Proposal, propose};
+pub(crate) use propose::propose;
 pub(crate) use screening::{Screening, screening_settings};
 
 /// Errors below this are visually equal.

@@ -4,7 +4,6 @@ use frugal_core::frontier::{CostPoint, FrontierPoint};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 
 use super::{ErrorModel, LEAST_ERROR, Screening, scores};
-use crate::cost::{CostModel, FrameLayout, Work};
 use crate::search::nsga2;
 
 /// Errors are clamped to this: no budget allows more, so settings beyond it differ in power alone.
@@ -16,30 +15,19 @@ const EXPLORATION: f64 = 3.0;
 /// Least gain, summed over goals, for which settings are rendered.
 const LEAST_GAIN: f64 = 1e-3;
 
-/// Inputs of proposals.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Proposal<'a> {
-    /// The knobs.
-    pub space: &'a KnobSpace,
-    /// Single effects of the knobs.
-    pub screening: &'a Screening,
-    /// Prices of work.
-    pub cost: &'a CostModel,
-    /// Parameters of the work model.
-    pub layout: &'a FrameLayout,
-    /// Mean errors of rendered settings.
-    pub errors: &'a [(KnobLevels, f64)],
-}
-
 /// Up to `count` unrendered settings with the greatest expected gain, in the range of error
 /// budgets. Where the expected gain is too small for so many, the most uncertain ones follow.
-/// Deterministic in `seed`.
-pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<KnobLevels> {
-    let Proposal { space, screening, cost, layout, errors } = *proposal;
+/// Deterministic in `seed`. `power`: of any settings; `errors`: means of rendered ones.
+pub(crate) fn propose(
+    space: &KnobSpace,
+    screening: &Screening,
+    power: &dyn Fn(KnobLevels) -> f64,
+    errors: &[(KnobLevels, f64)],
+    (count, seed): (usize, u64),
+) -> Vec<KnobLevels> {
     let error = ErrorModel::fit(space, screening, errors);
     let known: Vec<KnobLevels> =
         errors.iter().map(|(settings, _)| screening.fixed(space, *settings)).collect();
-    let power = |settings: KnobLevels| cost.power(&Work::of(space, settings, layout));
     let best_power = power(space.highest()).max(1e-9);
     let rendered = errors.iter().filter(|(_, error)| error.is_finite());
     let mut rendered: Vec<(KnobLevels, CostPoint)> = rendered
@@ -121,7 +109,7 @@ mod tests {
     use frugal_core::units::Watts;
 
     use super::*;
-    use crate::cost::CostReading;
+    use crate::cost::{CostModel, CostReading, FrameLayout, Work};
     use crate::pool::screening_settings;
     use crate::table::CostTable;
 
@@ -171,15 +159,10 @@ mod tests {
         let cost = CostModel::fit(&readings, Watts(0.0));
         let errors: Vec<_> =
             table.settings().iter().map(|settings| (*settings, error(*settings))).collect();
-        let proposal = Proposal {
-            space: &space,
-            screening: &screening,
-            cost: &cost,
-            layout: &layout,
-            errors: &errors,
-        };
-        let proposed = propose(&proposal, 12, 1);
-        assert_eq!(proposed, propose(&proposal, 12, 1));
+        let modelled = |settings| cost.power(&Work::of(&space, settings, &layout));
+        let propose = || propose(&space, &screening, &modelled, &errors, (12, 1));
+        let proposed = propose();
+        assert_eq!(proposed, propose());
         assert_eq!(proposed.len(), 12);
         assert!(
             proposed.iter().all(|settings| table.column(*settings).is_none()

@@ -22,7 +22,14 @@ pub(super) fn propose(
         all.shuffle(random);
         all.into_iter().find_map(free)
     };
-    widest_first(frontier).into_iter().find_map(|[low, high]| {
+    // By the area of the box between the ends: the greatest possible gain of hypervolume.
+    let area = |ends: &[FrontierPoint]| {
+        (ends[1].cost.power - ends[0].cost.power).0 * (ends[0].cost.error - ends[1].cost.error)
+    };
+    let mut intervals: Vec<&[FrontierPoint]> = frontier.points().windows(2).collect();
+    intervals.sort_by(|a, b| area(b).total_cmp(&area(a)));
+    intervals.into_iter().find_map(|ends| {
+        let [low, high] = [ends[0].settings, ends[1].settings];
         let halfway = space.from_levels(|knob, _| (low.level(knob) + high.level(knob)) / 2);
         let differing = (0..space.len()).filter(|knob| low.level(*knob) != high.level(*knob));
         let towards = differing.flat_map(|knob| {
@@ -31,21 +38,6 @@ pub(super) fn propose(
         let neighbours = [low, high].into_iter().flat_map(|end| neighbours(space, end));
         free(halfway).or_else(|| any(towards.collect())).or_else(|| any(neighbours.collect()))
     })
-}
-
-/// Pairs of neighbours on `frontier`, in descending order of the area of the box between them: the
-/// greatest possible gain of hypervolume.
-fn widest_first(frontier: &Frontier) -> Vec<[KnobLevels; 2]> {
-    let area = |a: &FrontierPoint, b: &FrontierPoint| {
-        (b.cost.power - a.cost.power).0 * (a.cost.error - b.cost.error)
-    };
-    let mut intervals: Vec<_> = frontier
-        .points()
-        .windows(2)
-        .map(|two| (area(&two[0], &two[1]), [two[0].settings, two[1].settings]))
-        .collect();
-    intervals.sort_by(|a, b| b.0.total_cmp(&a.0));
-    intervals.into_iter().map(|(_, ends)| ends).collect()
 }
 
 /// Every knob one level up and one down.

@@ -106,8 +106,7 @@ impl Run<'_> {
         let mut population = survivors(self.points(), POPULATION);
         // Random settings keep the population diverse.
         while population.len() < POPULATION && self.known.len() < until {
-            let random = random_settings(self.space, &mut self.random);
-            let Some(settings) = self.unseen(random, &HashSet::new()) else { break };
+            let Some(settings) = self.unseen_at_random() else { break };
             population.extend(self.evaluate(settings));
         }
         while self.known.len() < until {
@@ -129,11 +128,7 @@ impl Run<'_> {
             let proposed = infill::propose(self.space, &frontier, &mut self.random, |settings| {
                 known.contains_key(&settings)
             });
-            let settings = proposed.or_else(|| {
-                let random = random_settings(self.space, &mut self.random);
-                self.unseen(random, &HashSet::new())
-            });
-            let Some(settings) = settings else { return };
+            let Some(settings) = proposed.or_else(|| self.unseen_at_random()) else { return };
             self.evaluate(settings);
         }
     }
@@ -175,6 +170,11 @@ impl Run<'_> {
             offspring.push(settings);
         }
         offspring
+    }
+
+    fn unseen_at_random(&mut self) -> Option<KnobLevels> {
+        let settings = random_settings(self.space, &mut self.random);
+        self.unseen(settings, &HashSet::new())
     }
 
     /// `settings`, or else settings near them, or else any, that are neither known nor `planned`.

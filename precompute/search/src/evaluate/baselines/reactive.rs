@@ -22,14 +22,13 @@ pub fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
     let points = frontier.points();
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
     let (low, high) = (first.cost.power.0.max(1e-9).ln(), last.cost.power.0.max(1e-9).ln());
-    let mut rungs = Vec::new();
-    for rung in 0..RUNGS {
+    let rung = |rung: usize| {
         let wanted = low + (high - low) * rung as f64 / (RUNGS - 1) as f64;
         let far = |power: f64| (power.max(1e-9).ln() - wanted).abs();
-        let nearest =
-            points.iter().min_by(|a, b| far(a.cost.power.0).total_cmp(&far(b.cost.power.0)));
-        rungs.extend(nearest.map(|point| point.settings));
-    }
+        let points = points.iter();
+        points.min_by(|a, b| far(a.cost.power.0).total_cmp(&far(b.cost.power.0)))
+    };
+    let mut rungs: Vec<_> = (0..RUNGS).filter_map(rung).map(|point| point.settings).collect();
     rungs.dedup();
     rungs
 }
