@@ -49,19 +49,9 @@ pub enum StageError {
 impl StageError {
     /// Whether the cause is the input and not the rendering.
     pub fn is_usage(&self) -> bool {
-        match self {
-            Self::NoAdapter
-            | Self::Size(..)
-            | Self::FrameRate(_)
-            | Self::Level(_)
-            | Self::Knob(_)
-            | Self::OpenMeter(_)
-            | Self::Environment(_) => true,
-            Self::Ended
-            | Self::Meter(_)
-            | Self::NotReady(_)
-            | Self::ReadBack(_)
-            | Self::Compare(_) => false,
-        }
+        !matches!(
+            self,
+            Self::Ended | Self::Meter(_) | Self::NotReady(_) | Self::ReadBack(_) | Self::Compare(_)
+        )
     }
 }

@@ -1,11 +1,12 @@
-//! The stage as the evaluator of a search: power and error of settings at a camera.
+//! The stage as the evaluator of a search: power and error of settings at a camera. The reference is the
+//! best settings' image at the same camera.
 
 use frugal_trace::metrics::{Picture, Reference};
 use frugal_trace::scene::CameraPose;
 use serde::{Deserialize, Serialize};
 
 use super::metering::SHORT_WINDOW;
-use super::{Meter, Stage, StageError};
+use super::{Stage, StageError};
 use crate::knobs::KnobLevels;
 use crate::units::Watts;
 
@@ -17,27 +18,11 @@ const UNMETERED_FRAMES: usize = 1;
 pub struct Measurement {
     /// Power at the target frame rate; `None` on a stage without a meter.
     pub power: Option<Watts>,
-    /// 1 − SSIM, against the image of the best settings; 0 of a clip without frames.
+    /// 1 − SSIM, against the image of the best settings.
     pub error: f64,
 }
 
-/// Renders and meters on a [`Stage`]; the reference is the best settings' image at the same camera.
-pub struct StageEvaluator {
-    stage: Stage,
-    reference: Option<(Vec<CameraPose>, Reference)>,
-}
-
-impl StageEvaluator {
-    /// An evaluator on `stage`.
-    pub fn new(stage: Stage) -> Self {
-        Self { stage, reference: None }
-    }
-
-    /// The stage.
-    pub fn stage(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
-
+impl Stage {
     /// Power and error of `settings` over a clip: the poses of consecutive frames. Power is the
     /// mean of all but the first frame, error that of the last one, against the last frame of the
     /// same clip at the best settings. A repeated pose is a still camera. Every clip begins with a
@@ -50,58 +35,47 @@ impl StageEvaluator {
         clip: &[CameraPose],
         settings: KnobLevels,
     ) -> Result<Measurement, StageError> {
-        if self.reference.as_ref().is_none_or(|(of, _)| of != clip) {
-            let best = self.stage.space.highest();
-            self.stage.apply(best);
-            if let Some(first) = clip.first() {
+        let known = self.reference.take().filter(|(of, _)| of == clip);
+        let reference = match known {
+            Some((_, reference)) => reference,
+            None => {
+                let best = self.space.highest();
+                self.apply(best);
                 // Some per-camera resources of the scene lag the camera by a frame.
-                show(&mut self.stage, std::slice::from_ref(first));
+                self.show(clip.get(..1).unwrap_or_default());
+                let (_, shown) = self.complete(best, |stage| stage.play(clip))?;
+                Reference::new(&shown)?
             }
-            let (_, shown) = self.play(clip, best)?;
-            self.reference = Some((clip.to_vec(), Reference::new(&shown)?));
-        }
-        let (power, shown) = self.play(clip, settings)?;
-        let Some((_, reference)) = &self.reference else {
-            return Ok(Measurement { power, error: 0.0 });
         };
-        Ok(Measurement { power, error: reference.error(&shown)? })
+        let (power, shown) = self.complete(settings, |stage| stage.play(clip))?;
+        let error = reference.error(&shown)?;
+        self.reference = Some((clip.to_vec(), reference));
+        Ok(Measurement { power, error })
+    }
+
+    fn show(&mut self, poses: &[CameraPose]) {
+        for pose in poses {
+            self.place(pose.position, pose.rotation);
+            self.frame();
+        }
     }
 
     /// Power over the clip, and its last image.
-    fn play(
-        &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<(Option<Watts>, Picture), StageError> {
-        self.stage.complete(settings, |stage| play_once(stage, clip))
+    fn play(&mut self, clip: &[CameraPose]) -> Result<(Option<Watts>, Picture), StageError> {
+        let (first, rest) = clip.split_at(UNMETERED_FRAMES.min(clip.len()));
+        self.show(first);
+        let window = self.meter.as_ref().map_or(0.0, |meter| meter.window_seconds);
+        if clip.first() != clip.last() && window >= SHORT_WINDOW {
+            // The meter's window is longer than the clip. The image is that of the clip; then the
+            // camera goes to and fro, since one at rest costs less.
+            self.show(rest);
+            let shown = self.picture()?;
+            let power = self.metered(|frame| to_and_fro(clip, frame).copied(), clip.len())?;
+            return Ok((power, shown));
+        }
+        let power = self.metered(|frame| rest.get(frame).copied(), rest.len())?;
+        Ok((power, self.picture()?))
     }
-}
-
-fn show(stage: &mut Stage, poses: &[CameraPose]) {
-    for pose in poses {
-        stage.place(pose.position, pose.rotation);
-        stage.frame();
-    }
-}
-
-fn play_once(
-    stage: &mut Stage,
-    clip: &[CameraPose],
-) -> Result<(Option<Watts>, Picture), StageError> {
-    let (first, rest) = clip.split_at(UNMETERED_FRAMES.min(clip.len()));
-    show(stage, first);
-    let window = stage.meter.as_ref().map_or(0.0, Meter::window_seconds);
-    if clip.first() != clip.last() && window >= SHORT_WINDOW {
-        // The meter's window is longer than the clip. The image is that of the clip; then the
-        // camera goes to and fro, since one at rest costs less.
-        show(stage, rest);
-        let shown = stage.picture()?;
-        let pose = |frame| to_and_fro(clip, frame).map(|pose| (pose.position, pose.rotation));
-        return Ok((stage.metered(pose, clip.len() as u32)?, shown));
-    }
-    let pose = |frame: usize| rest.get(frame).map(|pose| (pose.position, pose.rotation));
-    let power = stage.metered(pose, rest.len() as u32)?;
-    Ok((power, stage.picture()?))
 }
 
 /// The pose `frame` frames after the end of `clip`, of a camera that goes back to its beginning,

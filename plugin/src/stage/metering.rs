@@ -5,22 +5,19 @@
 //! cannot hold the rate, its idle power is taken out of the energy of a frame; it is measured once,
 //! while nothing is rendered.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bevy::math::{Quat, Vec3};
+use frugal_trace::scene::CameraPose;
 
-use super::meters::{Mean, Meter, Sampled};
+use super::meters::{Mean, Meter, Source};
 use super::{NO_METER, Stage, StageError, StageOptions};
 use crate::power::{Adapter, MeterError};
-use crate::units::{Joules, Watts};
+use crate::units::Watts;
 
 /// Steps of the meter's counter in a window, for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
 /// Windows of a meter below this, seconds, are as short as a frame.
 pub(super) const SHORT_WINDOW: f64 = 0.01;
-/// Time in which a device's clocks fall after its last frame.
-const REST: Duration = Duration::from_secs(2);
 /// Share of the target frame rate from which frames count as rendered at that rate.
 const HELD_RATE: f64 = 0.97;
 /// Length of a measurement by a meter whose own window is no longer than `MAX_STEP_SECONDS`: from
@@ -40,95 +37,36 @@ pub(super) fn open(options: &StageOptions, adapter: &Adapter) -> Result<Option<M
 
 impl Stage {
     /// Power of the current settings, over at least `least` frames, and more where the meter's
-    /// resolution needs them; `None` without a meter.
+    /// resolution needs them; `None` without a meter. `pose` gives the camera's pose in each frame,
+    /// `None` to keep it.
     ///
     /// # Errors
     /// When the meter cannot be read.
-    pub fn metered_frames(&mut self, least: u32) -> Result<Option<Watts>, StageError> {
-        self.metered(|_| None, least)
-    }
-
-    /// The same with a moving camera: `pose` gives its pose in each frame, `None` to keep it.
     pub(super) fn metered(
         &mut self,
-        pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
-        least: u32,
+        pose: impl Fn(usize) -> Option<CameraPose>,
+        least: usize,
     ) -> Result<Option<Watts>, StageError> {
-        let power = match &self.meter {
-            None => {
-                (0..least.max(1)).for_each(|frame| self.posed_frame(pose(frame as usize)));
-                return Ok(None);
+        let frame = |stage: &mut Self, number: usize| {
+            if let Some(pose) = pose(number) {
+                stage.place(pose.position, pose.rotation);
             }
-            Some(Meter::Measured(meter)) => {
-                let meter = Arc::clone(meter);
-                self.measured(&meter, pose)?
-            }
-            Some(Meter::Modelled(..)) => self.modelled(pose, least)?,
+            stage.frame();
         };
+        // Taken out, so that frames can be rendered while it is read.
+        let Some(mut meter) = self.meter.take() else {
+            (0..least.max(1)).for_each(|number| frame(self, number));
+            return Ok(None);
+        };
+        let rate = self.options.frames_per_second;
+        let power = meter.frames(rate, least, &mut |number| frame(self, number));
+        let name = meter.info.name.clone();
+        self.meter = Some(meter);
+        let power = power?;
         if power.0.is_finite() && power.0 > 0.0 {
             return Ok(Some(power));
         }
-        Err(MeterError::broken(self.meter_name(), format!("gave {power} for rendered frames"))
-            .into())
-    }
-
-    fn meter_name(&self) -> String {
-        self.meter.as_ref().map_or_else(|| NO_METER.to_owned(), |meter| meter.info().name)
-    }
-
-    /// Power by a model of this process' work.
-    fn modelled(
-        &mut self,
-        pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
-        least: u32,
-    ) -> Result<Watts, StageError> {
-        let seconds = self.meter.as_ref().map_or(0.0, Meter::window_seconds);
-        let least_seconds = if seconds < SHORT_WINDOW { 0.0 } else { STEPS_PER_WINDOW * seconds };
-        let before = self.energy()?;
-        let start = Instant::now();
-        let mut frames = 0;
-        while frames < least.max(1) || start.elapsed().as_secs_f64() < least_seconds {
-            self.posed_frame(pose(frames as usize));
-            frames += 1;
-        }
-        let spent = self.energy()? - before;
-        let per_frame = (spent.0 / f64::from(frames)).max(0.0);
-        Ok(self.idle()? + Watts(per_frame * self.options.frames_per_second))
-    }
-
-    /// Energy that a model has counted.
-    fn energy(&mut self) -> Result<Joules, MeterError> {
-        match &mut self.meter {
-            Some(Meter::Modelled(meter, _)) => meter.energy(),
-            _ => Err(MeterError::unavailable(self.meter_name(), "it is read over a time")),
-        }
-    }
-
-    /// Power by a meter of the whole device, in real time.
-    fn measured(
-        &mut self,
-        meter: &Sampled,
-        pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
-    ) -> Result<Watts, StageError> {
-        let rate = self.options.frames_per_second;
-        let mut shown = 0;
-        let mean = meter_frames(meter, rate, &mut || {
-            self.posed_frame(pose(shown));
-            shown += 1;
-        })?;
-        if mean.rate >= HELD_RATE * rate {
-            return Ok(mean.power);
-        }
-        let idle = self.idle()?;
-        let per_frame = ((mean.power.0 - idle.0) / mean.rate).max(0.0);
-        Ok(idle + Watts(per_frame * rate))
-    }
-
-    fn posed_frame(&mut self, pose: Option<(Vec3, Quat)>) {
-        if let Some((position, rotation)) = pose {
-            self.place(position, rotation);
-        }
-        self.frame();
+        Err(MeterError::broken(name, format!("gave {power} for rendered frames")).into())
     }
 
     /// Idle power: measured where the meter covers the whole device, otherwise the meter's own
@@ -136,49 +74,58 @@ impl Stage {
     ///
     /// # Errors
     /// When the meter cannot be read.
-    pub fn idle(&mut self) -> Result<Watts, StageError> {
-        if let Some(idle) = self.idle {
-            return Ok(idle);
-        }
-        let idle = self.measure_idle()?;
-        self.idle = Some(idle);
-        Ok(idle)
-    }
-
-    fn measure_idle(&mut self) -> Result<Watts, StageError> {
-        let meter = match &self.meter {
-            Some(Meter::Measured(meter)) => meter,
-            other => return Ok(other.as_ref().map_or(Watts(0.0), Meter::idle)),
-        };
-        // The device goes to rest first.
-        std::thread::sleep(REST);
-        let window = (2.0 * meter.window_seconds()).max(2.0);
-        let mut rest = || std::thread::sleep(Duration::from_millis(10));
-        Ok(meter.mean(Duration::from_secs_f64(window), &mut rest)?.power)
+    pub(super) fn idle(&mut self) -> Result<Watts, StageError> {
+        Ok(self.meter.as_mut().map_or(Ok(Watts(0.0)), Meter::idle)?)
     }
 }
 
-/// Renders `frame` after `frame` at `frames_per_second`, and meters them. Where frames take longer
-/// than that, they follow each other at once.
-///
-/// # Errors
-/// When the meter gives no valid readings.
-fn meter_frames(
-    meter: &Sampled,
-    frames_per_second: f64,
-    frame: &mut dyn FnMut(),
-) -> Result<Mean, MeterError> {
-    let own = meter.window_seconds();
-    let window = if own <= MAX_STEP_SECONDS { WINDOW } else { Duration::from_secs_f64(own) };
-    // The stage has checked the rate; this only keeps the arithmetic from panicking.
-    let interval = Duration::try_from_secs_f64(frames_per_second.recip()).unwrap_or(WINDOW);
-    let mut next = Instant::now();
-    meter.mean(window, &mut || {
-        frame();
-        // A late frame is followed at once, but what was missed is not made up for.
-        next = (next + interval).max(Instant::now());
-        std::thread::sleep(next.saturating_duration_since(Instant::now()));
-    })
+impl Meter {
+    /// Power at `rate` frames per second, from at least `least` frames.
+    fn frames(
+        &mut self,
+        rate: f64,
+        least: usize,
+        frame: &mut dyn FnMut(usize),
+    ) -> Result<Watts, MeterError> {
+        let per_frame = match &mut self.source {
+            Source::Measured(_) => {
+                let mean = self.paced(rate, frame)?;
+                if mean.rate >= HELD_RATE * rate {
+                    return Ok(mean.power);
+                }
+                (mean.power - self.idle()?).0 / mean.rate
+            }
+            Source::Modelled(meter, _) => {
+                let is_short = self.window_seconds < SHORT_WINDOW;
+                let seconds = if is_short { 0.0 } else { STEPS_PER_WINDOW * self.window_seconds };
+                let before = meter.energy()?;
+                let (start, mut count) = (Instant::now(), 0);
+                while count < least.max(1) || start.elapsed().as_secs_f64() < seconds {
+                    frame(count);
+                    count += 1;
+                }
+                (meter.energy()? - before).0 / count as f64
+            }
+        };
+        Ok(self.idle()? + Watts(per_frame.max(0.0) * rate))
+    }
+
+    /// Renders frame after frame at `rate` per second, and meters them in real time. Where frames take
+    /// longer than that, they follow each other at once.
+    fn paced(&mut self, rate: f64, frame: &mut dyn FnMut(usize)) -> Result<Mean, MeterError> {
+        let own = self.window_seconds;
+        let window = if own <= MAX_STEP_SECONDS { WINDOW } else { Duration::from_secs_f64(own) };
+        // The stage has checked the rate; this only keeps the arithmetic from panicking.
+        let interval = Duration::try_from_secs_f64(rate.recip()).unwrap_or(WINDOW);
+        let (mut next, mut count) = (Instant::now(), 0);
+        self.mean(window, &mut || {
+            frame(count);
+            count += 1;
+            // A late frame is followed at once, but what was missed is not made up for.
+            next = (next + interval).max(Instant::now());
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        })
+    }
 }
 
 #[cfg(test)]
@@ -188,10 +135,8 @@ mod tests {
 
     #[test]
     fn frames_keep_their_rate_while_they_are_metered() {
-        let Ok(Meter::Measured(meter)) = Meter::new(Box::new(Steps::new(80.0))) else {
-            panic!("a thread")
-        };
-        let mean = meter_frames(&meter, 50.0, &mut || ()).expect("a power");
+        let mut meter = Meter::new(Box::new(Steps::new(80.0))).expect("a thread");
+        let mean = meter.paced(50.0, &mut |_| ()).expect("a power");
         assert!((mean.power.0 - 80.0).abs() < 8.0, "{mean:?}");
         assert!((10.0..51.5).contains(&mean.rate), "{mean:?}");
     }

@@ -5,8 +5,7 @@
 //! | `plugin` | [`StagePlugin`], which a game adds; does nothing unless `frugal` starts the game |
 //! | `level` | whether the app's level is there |
 //! | `camera` | the camera that is measured: which one, and how it is taken over |
-//! | `adapter` | what the renderer will run on |
-//! | `options`, `settings`, `default_settings` | size, rate and light of images; levels of knobs |
+//! | `options`, `settings` | size, rate and light of images; levels of knobs |
 //! | `ready` | waits until nothing is compiled, loaded or built in the background |
 //! | `capture` | images from the GPU |
 //! | `metering`, `meters` | power of frames |
@@ -17,10 +16,8 @@
 //! There is no window: the clock is stepped, and a frame ends when the GPU is done. Leave the
 //! feature `stage` out of apps that ship.
 
-mod adapter;
 mod camera;
 mod capture;
-mod default_settings;
 mod error;
 mod evaluator;
 pub mod extract;
@@ -33,7 +30,7 @@ pub mod protocol;
 mod ready;
 mod settings;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use bevy::app::App;
@@ -48,22 +45,21 @@ use bevy::render::render_resource::{PipelineCache, PollType};
 use bevy::render::renderer::RenderDevice;
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::Transform;
-use frugal_trace::metrics::{Picture, Radiance};
+use frugal_trace::metrics::{Picture, Radiance, Reference};
 use frugal_trace::scene::CameraPose;
 
 use self::level::Held;
 use crate::gi::GiRefresh;
 use crate::knobs::{KnobLevels, KnobRegistry, KnobSpace};
-use crate::power::MeterInfo;
+use crate::power::{Adapter, AdapterKind, MeterInfo};
 use crate::units::Watts;
-pub use adapter::{adapter, software_adapter};
-pub use default_settings::default_settings;
 pub use error::StageError;
-pub use evaluator::{Measurement, StageEvaluator};
+pub use evaluator::Measurement;
 pub use level::{StageCamera, StageLevel, StageReady};
-pub use meters::{Mean, Meter, Sampled, SelfTest, busy_cpu_load, self_test};
+pub use meters::{Meter, SelfTest};
 pub use options::{Component, NO_METER, Output, StageOptions};
 pub use plugin::{StagePlugin, on_stage};
+pub use settings::default_settings;
 
 /// Frames before a run's first.
 const FRAMES_BEFORE_RUN: u32 = 4;
@@ -76,8 +72,8 @@ pub struct Stage {
     options: StageOptions,
     space: Arc<KnobSpace>,
     meter: Option<Meter>,
-    /// `None` until it is needed: a meter of a device takes seconds to measure it.
-    idle: Option<Watts>,
+    /// Of the last clip that was measured.
+    reference: Option<(Vec<CameraPose>, Reference)>,
     /// Whether a frame since it was last asked lacked a pipeline.
     is_incomplete: bool,
     /// Whether the app has asked to end.
@@ -109,8 +105,8 @@ impl Stage {
             camera,
             target,
             space: Arc::new(space),
-            idle: None,
             meter,
+            reference: None,
             options,
             is_incomplete: false,
             has_ended: false,
@@ -134,7 +130,7 @@ impl Stage {
 
     /// The meter's name and provenance, if there is one.
     pub fn meter(&self) -> Option<MeterInfo> {
-        self.meter.as_ref().map(Meter::info)
+        self.meter.as_ref().map(|meter| meter.info.clone())
     }
 
     /// Vertical field of view, degrees; 0 of a camera without perspective.
@@ -205,7 +201,7 @@ impl Stage {
     ) -> Result<(Picture, Option<Watts>), StageError> {
         self.place(pose.position, pose.rotation);
         self.switch(settings);
-        let power = self.metered_frames(1)?;
+        let power = self.metered(|_| None, 1)?;
         Ok((self.picture()?, power))
     }
 
@@ -232,4 +228,38 @@ impl Stage {
 fn step_time(world: &mut World, frames_per_second: f64) {
     let frame = Duration::from_secs_f64(frames_per_second.recip());
     world.insert_resource(TimeUpdateStrategy::ManualDuration(frame));
+}
+
+/// The adapter, and the instance that found it. The instance is kept so that the driver stays
+/// loaded between stages: on NVIDIA's, processes that opened one stage after another found no
+/// adapter any more after three to thirty of them.
+static FOUND: OnceLock<(wgpu::Instance, Adapter)> = OnceLock::new();
+
+/// The adapter that the renderer will choose; `None` if there is none: Bevy then panics.
+pub fn adapter() -> Option<Adapter> {
+    if let Some((_, adapter)) = FOUND.get() {
+        return Some(adapter.clone());
+    }
+    let (instance, adapter) = find()?;
+    Some(FOUND.get_or_init(|| (instance, adapter)).1.clone())
+}
+
+fn find() -> Option<(wgpu::Instance, Adapter)> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends =
+        wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
+    let instance = wgpu::Instance::new(descriptor);
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::from_env()
+            .unwrap_or(wgpu::PowerPreference::HighPerformance),
+        ..Default::default()
+    };
+    let adapter = bevy::tasks::block_on(instance.request_adapter(&options)).ok()?;
+    let adapter = Adapter::from(&adapter.get_info());
+    Some((instance, adapter))
+}
+
+/// Whether the renderer runs on the CPU.
+pub fn software_adapter() -> bool {
+    adapter().is_some_and(|adapter| adapter.kind == AdapterKind::Software)
 }

@@ -1,7 +1,7 @@
 //! `frugal meters`: the power meters of this machine.
 
 use bevy_frugal_gi::power::{meters, open};
-use bevy_frugal_gi::stage::{Meter, busy_cpu_load, self_test};
+use bevy_frugal_gi::stage::Meter;
 
 use super::CliError;
 use crate::work_meter::WORK_METER;
@@ -21,10 +21,9 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
                 continue;
             }
         };
-        let info = meter.info();
-        println!("  {}: {}", info.provenance, info.description);
-        println!("  unit W, window {} s", meter.window_seconds());
-        match self_test(&mut meter, &mut busy_cpu_load) {
+        println!("  {}: {}", meter.info.provenance, meter.info.description);
+        println!("  unit W, window {} s", meter.window_seconds);
+        match meter.self_test() {
             Ok(test) => {
                 println!("  idle {}, under CPU load {}", test.idle, test.loaded);
                 println!(

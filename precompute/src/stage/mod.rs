@@ -21,7 +21,7 @@ mod useful;
 mod world;
 
 pub use bevy_frugal_gi::stage::{
-    Component, Output, Stage, StageError, StageEvaluator, StageOptions, adapter, software_adapter,
+    Component, Output, Stage, StageError, StageOptions, adapter, software_adapter,
 };
 pub use frugal_trace::metrics::Radiance;
 

@@ -5,7 +5,7 @@ use bevy::light::{DirectionalLight, PointLight, ShadowFilteringMethod};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
-use frugal::stage::{Component, Stage, StageEvaluator, StageOptions};
+use frugal::stage::{Component, Stage, StageOptions};
 use frugal_tests::set;
 use frugal_trace::metrics::Radiance;
 use frugal_trace::scene::CameraPose;
@@ -347,9 +347,8 @@ fn a_clip_costs_the_same_whatever_was_rendered_before() {
     // An effect of Bevy that draws random numbers by the frame's number.
     let camera = set::camera(&mut stage);
     stage.world_mut().entity_mut(camera).insert(ShadowFilteringMethod::Temporal);
-    let mut stage = StageEvaluator::new(stage);
-    stage.stage().warm().expect("a ready stage");
-    let space = stage.stage().space().clone();
+    stage.warm().expect("a ready stage");
+    let space = stage.space().clone();
     let levels = |drop: &dyn Fn(usize) -> bool| {
         let best = space.highest();
         (0..space.len()).fold(best, |settings, knob| {

@@ -134,7 +134,8 @@ fn triangles(mesh: &Mesh, count: usize) -> Result<Vec<u32>, &'static str> {
     }
 }
 
-/// Values as a shader reads them, without a fourth component 1; `None` of packed formats.
+/// Values as a shader reads them, without a fourth component 1; `None` of formats that Bevy's attributes
+/// do not have, but for colours in bytes.
 pub(super) fn floats(values: &VertexAttributeValues) -> Option<Vec<[f32; 4]>> {
     use VertexAttributeValues::*;
     fn each<T: Copy, const N: usize>(values: &[[T; N]], value: impl Fn(T) -> f32) -> Vec<[f32; 4]> {
@@ -145,30 +146,13 @@ pub(super) fn floats(values: &VertexAttributeValues) -> Option<Vec<[f32; 4]>> {
         };
         values.iter().map(padded).collect()
     }
-    let snorm8 = |value: i8| (f32::from(value) / 127.0).max(-1.0);
-    let snorm16 = |value: i16| (f32::from(value) / 32767.0).max(-1.0);
-    let unorm8 = |value: u8| f32::from(value) / 255.0;
-    let unorm16 = |value: u16| f32::from(value) / 65535.0;
     Some(match values {
         Float32x2(values) => each(values, |value| value),
         Float32x3(values) => each(values, |value| value),
         Float32x4(values) => each(values, |value| value),
-        Float16x2(values) => each(values, |value| value.to_f32()),
-        Float16x4(values) => each(values, |value| value.to_f32()),
-        Float64x2(values) => each(values, |value| value as f32),
-        Float64x3(values) => each(values, |value| value as f32),
-        Float64x4(values) => each(values, |value| value as f32),
-        Snorm8x2(values) => each(values, snorm8),
-        Snorm8x4(values) => each(values, snorm8),
-        Snorm16x2(values) => each(values, snorm16),
-        Snorm16x4(values) => each(values, snorm16),
-        Unorm8x2(values) => each(values, unorm8),
-        Unorm8x4(values) => each(values, unorm8),
-        Unorm16x2(values) => each(values, unorm16),
-        Unorm16x4(values) => each(values, unorm16),
-        Uint8x4(values) => each(values, f32::from),
+        Unorm8x4(values) => each(values, |value| f32::from(value) / 255.0),
+        Unorm16x4(values) => each(values, |value| f32::from(value) / 65535.0),
         Uint16x4(values) => each(values, f32::from),
-        Uint32x4(values) => each(values, |value| value as f32),
         _ => return None,
     })
 }

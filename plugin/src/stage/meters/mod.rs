@@ -1,26 +1,19 @@
-//! Power meters of measurements: a mean power over a time, by any meter.
-//!
-//! | file | job |
-//! |---|---|
-//! | `mod` | a meter that is read at once or by the plugin's sampling thread, and mean power by it |
-//! | `self_test` | whether a meter responds to a load |
+//! Power meters of measurements: a mean power over a time, by any meter, and whether a meter responds to
+//! a load.
 //!
 //! The plugin's thread samples the meters of a device and judges their readings. A counter that
 //! jumps or falls makes a measurement longer, not wrong. Energy is counted from one step of the
 //! counter to another: between arbitrary moments it would be off by a step at either end.
 
-mod self_test;
 #[cfg(test)]
 pub(crate) mod testing;
 
-use std::sync::Arc;
+use std::hint::black_box;
+use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::power::{MeterError, MeterState, PowerMeter, PowerSampler};
-use crate::power::{MeterInfo, Provenance};
+use crate::power::{MeterError, MeterInfo, MeterState, PowerMeter, PowerSampler, Provenance};
 use crate::units::{Joules, Watts};
-
-pub use self_test::{SelfTest, busy_cpu_load, self_test};
 
 /// A meter's windows are at most this long, whatever it says.
 const LONGEST_WINDOW_SECONDS: f64 = 60.0;
@@ -30,29 +23,53 @@ const SETTLE: Duration = Duration::from_millis(400);
 /// Time beyond thrice its length after which a measurement is given up: a counter counts as stuck
 /// after 10 s.
 const PATIENCE: Duration = Duration::from_secs(15);
+/// Time in which a device's clocks fall after its last frame.
+const REST: Duration = Duration::from_secs(2);
+/// Length of a piece of rest or load.
+const PIECE: Duration = Duration::from_millis(10);
+/// Shortest window of a self-test.
+const MIN_WINDOW: Duration = Duration::from_millis(500);
+/// Ratio of loaded to idle power that counts as a response: above the quantisation error and
+/// ordinary background noise.
+const RESPONSE_RATIO: f64 = 1.05;
 
 /// A meter of measurements.
-pub enum Meter {
-    /// A model of this process' work, which is read at once. Its time counts from the second field.
-    Modelled(Box<dyn PowerMeter>, Instant),
-    /// A meter of a device.
-    Measured(Arc<Sampled>),
+pub struct Meter {
+    /// Name, provenance and coverage.
+    pub info: MeterInfo,
+    /// The shortest window that means something, seconds.
+    pub window_seconds: f64,
+    pub(super) source: Source,
+    /// `None` until it is needed: a meter of a device takes seconds to measure it.
+    idle: Option<Watts>,
 }
 
-/// A meter of a device with the thread that reads it.
-pub struct Sampled {
-    sampler: PowerSampler,
-    info: MeterInfo,
-    window_seconds: f64,
+pub(super) enum Source {
+    /// A model of this process' work, which is read at once. Its time counts from the second field.
+    Modelled(Box<dyn PowerMeter>, Instant),
+    /// A meter of a device, with the thread that reads it.
+    Measured(PowerSampler),
 }
 
 /// What was metered.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mean {
+pub(super) struct Mean {
     /// Without the meter's idle power.
-    pub power: Watts,
+    pub(super) power: Watts,
     /// Pieces of work per second.
-    pub rate: f64,
+    pub(super) rate: f64,
+}
+
+/// Result of a self-test.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelfTest {
+    /// Mean power while this thread slept, with the meter's idle power.
+    pub idle: Watts,
+    /// Mean power while the load ran, with the meter's idle power.
+    pub loaded: Watts,
+    /// Whether power rises under load. It does not where the meter does not cover the loaded device, or
+    /// the machine was already busy.
+    pub responds: bool,
 }
 
 impl Meter {
@@ -61,70 +78,80 @@ impl Meter {
     /// # Errors
     /// When no thread can be created.
     pub fn new(meter: Box<dyn PowerMeter>) -> Result<Self, MeterError> {
-        if meter.info().provenance == Provenance::Modelled {
-            return Ok(Self::Modelled(meter, Instant::now()));
-        }
         let (info, seconds) = (meter.info(), meter.window_seconds());
         let seconds = if seconds.is_nan() { 1.0 } else { seconds };
         let window_seconds = seconds.clamp(0.0, LONGEST_WINDOW_SECONDS);
-        let sampler = PowerSampler::fine(meter)?;
-        Ok(Self::Measured(Arc::new(Sampled { sampler, info, window_seconds })))
+        let (idle, source) = if info.provenance == Provenance::Modelled {
+            (Some(meter.idle()), Source::Modelled(meter, Instant::now()))
+        } else {
+            (None, Source::Measured(PowerSampler::fine(meter)?))
+        };
+        Ok(Self { info, window_seconds, source, idle })
     }
 
-    /// Name, provenance and coverage.
-    pub fn info(&self) -> MeterInfo {
-        match self {
-            Self::Modelled(meter, _) => meter.info(),
-            Self::Measured(sampled) => sampled.info.clone(),
+    /// Idle power: measured where the meter covers the whole device, otherwise the meter's own figure.
+    ///
+    /// # Errors
+    /// When the meter gives no valid readings.
+    pub(super) fn idle(&mut self) -> Result<Watts, MeterError> {
+        if let Some(idle) = self.idle {
+            return Ok(idle);
         }
-    }
-
-    /// The shortest window that means something, seconds.
-    pub fn window_seconds(&self) -> f64 {
-        match self {
-            Self::Modelled(meter, _) => meter.window_seconds(),
-            Self::Measured(sampled) => sampled.window_seconds,
-        }
-    }
-
-    /// Idle power that readings do not include.
-    pub fn idle(&self) -> Watts {
-        match self {
-            Self::Modelled(meter, _) => meter.idle(),
-            // Meters of devices contain it.
-            Self::Measured(_) => Watts(0.0),
-        }
+        // The device goes to rest first.
+        thread::sleep(REST);
+        let window = Duration::from_secs_f64((2.0 * self.window_seconds).max(2.0));
+        let idle = self.mean(window, &mut || thread::sleep(PIECE))?.power;
+        self.idle = Some(idle);
+        Ok(idle)
     }
 
     /// Mean power while `work` is done again and again, for `least`.
     ///
     /// # Errors
     /// When the meter gives no valid readings.
-    pub fn mean(&mut self, least: Duration, work: &mut dyn FnMut()) -> Result<Mean, MeterError> {
-        match self {
-            Self::Modelled(meter, since) => {
-                let name = meter.info().name;
-                mean(&name, &mut || Ok((meter.energy()?, since.elapsed())), least, work)
-            }
-            Self::Measured(sampled) => sampled.mean(least, work),
+    pub(super) fn mean(
+        &mut self,
+        least: Duration,
+        work: &mut dyn FnMut(),
+    ) -> Result<Mean, MeterError> {
+        let settling = Instant::now();
+        while settling.elapsed() < SETTLE {
+            work();
         }
-    }
-}
-
-impl Sampled {
-    /// As [`Meter::window_seconds`].
-    pub fn window_seconds(&self) -> f64 {
-        self.window_seconds
-    }
-
-    /// As [`Meter::mean`].
-    pub fn mean(&self, least: Duration, work: &mut dyn FnMut()) -> Result<Mean, MeterError> {
-        mean(&self.info.name, &mut || self.counted(), least, work)
+        let (energy, time) = self.counted()?;
+        let (started, mut done) = (Instant::now(), 0_u32);
+        loop {
+            work();
+            done += 1;
+            let (energy, time) = {
+                let now = self.counted()?;
+                (now.0 - energy, now.1.saturating_sub(time))
+            };
+            if !time.is_zero() && time >= least {
+                let power = energy.per_seconds(time.as_secs_f64());
+                if !power.0.is_finite() || power.0 < 0.0 {
+                    let reason = format!("it counts {} J", energy.0);
+                    return Err(MeterError::broken(self.info.name.as_str(), reason));
+                }
+                return Ok(Mean { power, rate: f64::from(done) / started.elapsed().as_secs_f64() });
+            }
+            if started.elapsed() > least * 3 + PATIENCE {
+                let reason = format!(
+                    "{:.1} s of {:.1} s had valid readings",
+                    time.as_secs_f64(),
+                    started.elapsed().as_secs_f64()
+                );
+                return Err(MeterError::broken(self.info.name.as_str(), reason));
+            }
+        }
     }
 
     /// Valid energy so far, and its time.
-    fn counted(&self) -> Result<(Joules, Duration), MeterError> {
-        let snapshot = self.sampler.snapshot();
+    fn counted(&mut self) -> Result<(Joules, Duration), MeterError> {
+        let snapshot = match &mut self.source {
+            Source::Modelled(meter, since) => return Ok((meter.energy()?, since.elapsed())),
+            Source::Measured(sampler) => sampler.snapshot(),
+        };
         match snapshot.state {
             MeterState::Lost { reason } | MeterState::Unavailable { reason } => {
                 let name = self.info.name.as_str();
@@ -135,47 +162,47 @@ impl Sampled {
             _ => Ok(snapshot.counted),
         }
     }
+
+    /// Compares the power in a window of rest and in one in which a core of the processor is busy.
+    ///
+    /// # Errors
+    /// When the meter gives no valid readings, or stands still under load.
+    pub fn self_test(&mut self) -> Result<SelfTest, MeterError> {
+        // Two of its own windows, so that one update more or less does not decide.
+        let window = MIN_WINDOW.max(Duration::from_secs_f64(2.0 * self.window_seconds));
+        let idle = self.mean(window, &mut || thread::sleep(PIECE))?.power;
+        let loaded = self.mean(window, &mut keep_busy)?.power;
+        let is_modelled = self.info.provenance == Provenance::Modelled;
+        // A model of one process may stand still while that sleeps, but not under load.
+        if is_modelled && loaded.0 == 0.0 {
+            let reason = "the counter did not move under load";
+            return Err(MeterError::broken(self.info.name.as_str(), reason));
+        }
+        let responds = loaded.0 > idle.0 * RESPONSE_RATIO;
+        // Readings of a device contain it.
+        let apart = if is_modelled { self.idle()? } else { Watts(0.0) };
+        Ok(SelfTest { idle: apart + idle, loaded: apart + loaded, responds })
+    }
 }
 
-fn mean(
-    name: &str,
-    counted: &mut dyn FnMut() -> Result<(Joules, Duration), MeterError>,
-    least: Duration,
-    work: &mut dyn FnMut(),
-) -> Result<Mean, MeterError> {
-    let settling = Instant::now();
-    while settling.elapsed() < SETTLE {
-        work();
-    }
-    let (energy, time) = counted()?;
-    let (started, mut done) = (Instant::now(), 0_u32);
-    loop {
-        work();
-        done += 1;
-        let (energy, time) = {
-            let now = counted()?;
-            (now.0 - energy, now.1.saturating_sub(time))
-        };
-        if !time.is_zero() && time >= least {
-            let power = energy.per_seconds(time.as_secs_f64());
-            if !power.0.is_finite() || power.0 < 0.0 {
-                return Err(MeterError::broken(name, format!("it counts {} J", energy.0)));
-            }
-            return Ok(Mean { power, rate: f64::from(done) / started.elapsed().as_secs_f64() });
+/// Keeps one core busy with arithmetic.
+fn keep_busy() {
+    let start = Instant::now();
+    let mut value = 1.0_f64;
+    while start.elapsed() < PIECE {
+        for _ in 0..1000 {
+            value = black_box(value * 1.000_001 + 1e-9);
         }
-        if started.elapsed() > least * 3 + PATIENCE {
-            let reason = format!(
-                "{:.1} s of {:.1} s had valid readings",
-                time.as_secs_f64(),
-                started.elapsed().as_secs_f64()
-            );
-            return Err(MeterError::broken(name, reason));
-        }
+        value = value.fract() + 1.0;
     }
+    black_box(value);
 }
 
 #[cfg(test)]
 mod tests {
+    #[cfg(unix)]
+    use crate::power::CpuTimeMeter;
+
     use super::testing::Steps;
     use super::*;
 
@@ -205,5 +232,27 @@ mod tests {
             let error = meter.mean(Duration::from_millis(500), &mut work).expect_err(word);
             assert!(error.to_string().contains(word), "{error}");
         }
+    }
+
+    #[test]
+    fn a_steady_device_does_not_respond() {
+        let mut meter = Meter::new(Box::new(Steps::new(6.0))).expect("a thread");
+        let found = meter.self_test().expect("readings");
+        assert!(
+            (found.idle.0 - 6.0).abs() < 0.6 && (found.loaded.0 - 6.0).abs() < 0.6,
+            "{found:?}"
+        );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn cpu_time_responds() {
+        // Other tests load this process too, so an idle window may be busy. One successful try in
+        // ten is enough.
+        let mut meter = Meter::new(Box::new(CpuTimeMeter::default())).expect("no thread");
+        let mut test = || meter.self_test().expect("the clock");
+        let found = (0..10).map(|_| test()).find(|found| found.responds);
+        let found = found.expect("a busy core draws more than a sleeping one");
+        assert!(found.loaded > found.idle, "{found:?}");
     }
 }

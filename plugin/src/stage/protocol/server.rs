@@ -10,7 +10,7 @@ use bevy::app::App;
 use super::{Answer, Hello, Opened, Reply, Request, Socket, receive, send};
 use crate::knobs::KnobRegistry;
 use crate::stage::extract::extract;
-use crate::stage::{Output, Stage, StageError, StageEvaluator, level};
+use crate::stage::{Output, Stage, StageError, level};
 
 /// Time in which an app may end by itself when the tool is gone.
 const GRACE: Duration = Duration::from_secs(2);
@@ -58,7 +58,7 @@ fn end() {
 /// The app, before and after it has become a stage.
 enum Stand {
     App(Box<App>),
-    Stage(Box<StageEvaluator>),
+    Stage(Box<Stage>),
     /// It could not.
     Failed,
 }
@@ -84,7 +84,6 @@ pub(in crate::stage) fn serve(app: App, requests: Requests) -> io::Result<()> {
 
 /// The answer, and the bytes that follow it.
 fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), StageError> {
-    let alone = |answer| Ok((answer, Vec::new()));
     let stage = match (stand, request) {
         (Stand::App(app), Request::Load { seconds, scene }) => {
             let camera = level::load(app, seconds)?;
@@ -112,35 +111,34 @@ fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), Stag
                 meter: stage.meter(),
                 idle: stage.idle()?,
             };
-            *stand = Stand::Stage(Box::new(StageEvaluator::new(stage)));
-            return alone(Answer::Opened(opened));
+            *stand = Stand::Stage(Box::new(stage));
+            return Ok((Answer::Opened(opened), Vec::new()));
         }
         (Stand::Stage(stage), request) => (stage, request),
         _ => return Err(StageError::NotReady("the stage is not open".to_owned())),
     };
-    let (evaluator, request) = stage;
+    let (stage, request) = stage;
     let done = match request {
         Request::Load { .. } | Request::Open(_) => {
             return Err(StageError::NotReady("the stage is open already".to_owned()));
         }
         Request::Warm => {
-            evaluator.stage().warm()?;
+            stage.warm()?;
             (Answer::Done, Vec::new())
         }
         Request::Measure { clip, settings } => {
-            (Answer::Measured(evaluator.measure(&clip, settings)?), Vec::new())
+            (Answer::Measured(stage.measure(&clip, settings)?), Vec::new())
         }
         Request::Begin { pose, settings } => {
-            evaluator.stage().begin_run(&pose, settings)?;
+            stage.begin_run(&pose, settings)?;
             (Answer::Done, Vec::new())
         }
         Request::Play { pose, settings } => {
-            let (picture, power) = evaluator.stage().render_frame(&pose, settings)?;
+            let (picture, power) = stage.render_frame(&pose, settings)?;
             let (width, height) = (picture.width, picture.height);
             (Answer::Frame { power, width, height }, picture.rgb.concat())
         }
         Request::Shoot { pose, settings } => {
-            let stage = evaluator.stage();
             stage.place(pose.position, pose.rotation);
             stage.apply_text(&settings)?;
             stage.get_ready()?;
@@ -159,7 +157,7 @@ fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), Stag
             }
         }
     };
-    evaluator.stage().check()?;
+    stage.check()?;
     Ok(done)
 }
 
