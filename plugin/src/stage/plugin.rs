@@ -1,6 +1,5 @@
 //! The stage in an app's own program.
 
-use std::ffi::OsStr;
 use std::sync::Mutex;
 
 use bevy::app::{App, AppExit, Plugin, PluginGroup, PluginGroupBuilder, PluginsState, PostUpdate};
@@ -47,7 +46,7 @@ pub fn on_stage(plugins: impl PluginGroup) -> PluginGroupBuilder {
 
 impl Plugin for StagePlugin {
     fn build(&self, app: &mut App) {
-        let Some(address) = std::env::var_os(STAGE_VARIABLE) else {
+        let Ok(address) = std::env::var(STAGE_VARIABLE) else {
             app.init_resource::<StageLevel>();
             return;
         };
@@ -81,9 +80,8 @@ impl Plugin for StagePlugin {
 }
 
 /// Connects to the tool; without it, this process has no purpose.
-fn greet(address: &OsStr) -> Requests {
+fn greet(address: &str) -> Requests {
     connect(address).and_then(Requests::new).unwrap_or_else(|error| {
-        let address = address.display();
         eprintln!("{STAGE_VARIABLE}={address}: frugal does not answer there any more: {error}");
         std::process::exit(1);
     })

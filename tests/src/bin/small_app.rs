@@ -42,11 +42,12 @@ fn main() -> AppExit {
 
 /// What an app of another version says.
 fn say_another_version() {
-    #[cfg(unix)]
-    if let Some(address) = std::env::var_os("FRUGAL_STAGE") {
+    if let Ok(address) = std::env::var("FRUGAL_STAGE") {
         use std::io::Write;
         let hello = r#"{"protocol":9,"version":"9.8.7","app":"old"}"#;
-        let mut socket = std::os::unix::net::UnixStream::connect(address).expect("the tool");
+        let (port, token) = address.split_once('/').expect("a port and a token");
+        let mut socket = std::net::TcpStream::connect(port).expect("the tool");
+        socket.write_all(token.as_bytes()).expect("the tool");
         socket.write_all(&(hello.len() as u32).to_le_bytes()).expect("the tool");
         socket.write_all(hello.as_bytes()).expect("the tool");
         std::thread::sleep(Duration::from_secs(1000));

@@ -9,7 +9,7 @@ use bevy::light::{DirectionalLight, PointLight, RectLight, SpotLight};
 use bevy::transform::components::GlobalTransform;
 use frugal_trace::light::Light;
 
-use super::gaps::{Gaps, name};
+use super::{Gaps, name};
 
 /// All lights that shine in the view of a camera with `layers`.
 pub(super) fn lights(world: &mut World, layers: &RenderLayers, gaps: &mut Gaps) -> Vec<Light> {

@@ -11,7 +11,7 @@ use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode as BevyAlpha;
 use frugal_trace::scene::{AlphaMode, SceneMaterial, SceneTexture, TextureUse};
 
-use super::gaps::Gaps;
+use super::Gaps;
 use super::texture::texture;
 
 /// How a material takes part.

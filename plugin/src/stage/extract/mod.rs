@@ -7,13 +7,9 @@
 //! | `material` | `StandardMaterial` |
 //! | `texture` | images as a shader reads them |
 //! | `light`, `sky` | lights; environment light and background |
-//! | `scene` | the plain data |
-//! | `gaps` | what cannot be represented, counted |
 
-mod gaps;
 mod light;
 mod material;
-mod scene;
 mod sky;
 mod surface;
 #[cfg(test)]
@@ -21,15 +17,55 @@ mod tests;
 mod texture;
 mod vertices;
 
+use std::collections::BTreeMap;
+
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Exposure, Projection};
 use bevy::ecs::entity::Entity;
+use bevy::ecs::name::Name;
 use bevy::ecs::world::World;
-use gaps::Gaps;
-pub use scene::{ExtractedScene, ExtractedSky};
+use frugal_trace::light::Light;
+use frugal_trace::scene::{SceneGeometry, SkyMap};
+use serde::{Deserialize, Serialize};
 
 /// A lens without a perspective camera, as Bevy's default: degrees and metres.
 const LENS: (f32, f32, f32) = (45.0, 0.1, 1000.0);
+/// Greatest number of names in a line.
+const NAMES_SHOWN: usize = 5;
+
+/// The environment: light from all directions, and background.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum ExtractedSky {
+    /// None.
+    #[default]
+    Black,
+    /// The same luminance from all directions, linear RGB, nits.
+    Constant([f32; 3]),
+    /// A map, and the nits that its value 1 stands for.
+    Map(SkyMap, f32),
+}
+
+/// What an app shows to a camera.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ExtractedScene {
+    /// Triangles in world space with their materials.
+    pub geometry: SceneGeometry,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Environment.
+    pub sky: ExtractedSky,
+    /// Exposure value at ISO 100.
+    pub exposure_ev100: f32,
+    /// Vertical field of view, degrees.
+    pub vertical_fov_degrees: f32,
+    /// Distance of the near plane, metres.
+    pub near: f32,
+    /// Distance of the far plane, metres.
+    pub far: f32,
+    /// What is shown and not represented here, or not as it is shown: one line per kind, with the
+    /// names of those concerned.
+    pub gaps: Vec<String>,
+}
 
 /// Extracts what the main `world` shows to `camera`: its layers, lens, exposure and sky, or Bevy's
 /// defaults without one. Transforms and visibility must be up to date, as after an update.
@@ -64,4 +100,35 @@ pub fn extract(world: &mut World, camera: Option<Entity>) -> ExtractedScene {
         far,
         gaps: gaps.lines(),
     }
+}
+
+/// Gaps of an extraction: by what is missing, in which meshes, materials or lights.
+#[derive(Debug, Default)]
+struct Gaps(BTreeMap<&'static str, Vec<String>>);
+
+impl Gaps {
+    /// Adds `name` to those with the gap `what`, a sentence without its end.
+    fn add(&mut self, what: &'static str, name: impl Into<String>) {
+        let (names, name) = (self.0.entry(what).or_default(), name.into());
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+
+    /// One line per kind of gap.
+    fn lines(self) -> Vec<String> {
+        let line = |(what, names): (&str, Vec<String>)| {
+            let more = match names.len().saturating_sub(NAMES_SHOWN) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("{what}: {}{more}", names[..names.len().min(NAMES_SHOWN)].join(", "))
+        };
+        self.0.into_iter().map(line).collect()
+    }
+}
+
+/// An entity's name, or its number.
+fn name(world: &World, entity: Entity) -> String {
+    world.get::<Name>(entity).map_or_else(|| entity.to_string(), |name| name.as_str().to_owned())
 }

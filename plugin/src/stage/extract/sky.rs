@@ -13,10 +13,9 @@ use bevy::math::{Quat, Vec2, Vec3};
 use bevy::pbr::DistanceFog;
 use frugal_trace::scene::{Filter, SceneTexture, SkyMap, Wrap};
 
-use super::gaps::Gaps;
 use super::light::linear;
-use super::scene::ExtractedSky;
 use super::texture::{Unreadable, texels};
+use super::{ExtractedSky, Gaps};
 
 /// Columns of an extracted sky; half as many rows.
 const COLUMNS: u32 = 512;

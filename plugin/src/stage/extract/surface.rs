@@ -16,9 +16,9 @@ use bevy::render::render_resource::Face;
 use bevy::transform::components::GlobalTransform;
 use frugal_trace::scene::{SceneGeometry, SceneMesh};
 
-use super::gaps::{Gaps, name};
 use super::material::{Converted, Materials};
 use super::vertices::{Drawn, Placement, scene_mesh};
+use super::{Gaps, name};
 
 /// Every mesh that a camera with `layers` can show.
 pub(super) fn geometry(

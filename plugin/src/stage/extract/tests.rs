@@ -21,7 +21,7 @@ use bevy::transform::components::{GlobalTransform, Transform};
 use frugal_trace::light::Light;
 use frugal_trace::scene::{AlphaMode, Texels, Wrap};
 
-use super::{ExtractedScene, ExtractedSky, extract};
+use super::{ExtractedScene, ExtractedSky, Gaps, extract};
 
 fn world() -> World {
     let mut app = App::new();
@@ -407,4 +407,13 @@ fn a_sky_has_its_directions() {
         let direction = (direction + Vec3::new(0.01, 0.02, 0.015)).normalize();
         assert_eq!(map.look_up(direction)[0], value, "{direction}");
     }
+}
+
+#[test]
+fn many_names_are_counted() {
+    let mut gaps = Gaps::default();
+    (0..7).for_each(|i| gaps.add("no fog", format!("m{i}")));
+    gaps.add("no fog", "m0");
+    gaps.add("a", "x");
+    assert_eq!(gaps.lines(), ["a: x", "no fog: m0, m1, m2, m3, m4 and 2 more"]);
 }

@@ -6,9 +6,9 @@
 //! reply as raw bytes.
 
 mod server;
-mod socket;
 
 use std::io::{self, Read, Write};
+use std::net::TcpStream;
 
 use frugal_trace::scene::CameraPose;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -19,10 +19,9 @@ use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
 use crate::units::Watts;
 pub(super) use server::{Requests, serve};
-pub use socket::Socket;
-pub(super) use socket::connect;
 
-/// Environment variable with the socket's address.
+/// Environment variable with the tool's address: `127.0.0.1:PORT/TOKEN`. The app says the token first: other
+/// users of the machine cannot read a process' environment.
 pub const STAGE_VARIABLE: &str = "FRUGAL_STAGE";
 /// Environment variable with the level to load.
 pub const LEVEL_VARIABLE: &str = "FRUGAL_STAGE_LEVEL";
@@ -159,6 +158,18 @@ pub struct Opened {
 
 /// Longest message, bytes: a longer length is not from a stage.
 const LONGEST: u32 = 1 << 20;
+
+/// Connects to the tool at `address`, the value of [`STAGE_VARIABLE`].
+///
+/// # Errors
+/// When nobody listens there.
+pub(super) fn connect(address: &str) -> io::Result<TcpStream> {
+    let (port, token) = address.split_once('/').ok_or(io::ErrorKind::InvalidInput)?;
+    let mut socket = TcpStream::connect(port)?;
+    socket.set_nodelay(true)?;
+    socket.write_all(token.as_bytes())?;
+    Ok(socket)
+}
 
 /// Sends a message.
 ///

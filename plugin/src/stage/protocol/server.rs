@@ -1,13 +1,14 @@
 //! The app's side: answers the tool's requests until it closes the socket.
 
 use std::io::{self, BufReader, BufWriter, Write};
+use std::net::TcpStream;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
 use bevy::app::App;
 
-use super::{Answer, Hello, Opened, Reply, Request, Socket, receive, send};
+use super::{Answer, Hello, Opened, Reply, Request, receive, send};
 use crate::knobs::KnobRegistry;
 use crate::stage::extract::extract;
 use crate::stage::{Output, Stage, StageError, level};
@@ -19,7 +20,7 @@ const GRACE: Duration = Duration::from_secs(2);
 /// app does at that time.
 pub(in crate::stage) struct Requests {
     received: Receiver<Request>,
-    output: BufWriter<Socket>,
+    output: BufWriter<TcpStream>,
 }
 
 impl Requests {
@@ -27,7 +28,7 @@ impl Requests {
     ///
     /// # Errors
     /// When it is gone.
-    pub(in crate::stage) fn new(socket: Socket) -> io::Result<Self> {
+    pub(in crate::stage) fn new(socket: TcpStream) -> io::Result<Self> {
         let mut input = BufReader::new(socket.try_clone()?);
         let mut output = BufWriter::new(socket);
         send(&mut output, &Hello::here())?;

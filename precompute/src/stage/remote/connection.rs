@@ -1,21 +1,21 @@
-//! A started program that has connected.
+//! A started program, and its connection to a port of this machine.
 
 use std::io::{self, BufReader, Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::stage::protocol::{
-    Answer, Hello, PROTOCOL, Reply, Request, Socket, receive, send,
-};
+use bevy_frugal_gi::stage::protocol::{Answer, Hello, PROTOCOL, Reply, Request, receive, send};
 use bevy_frugal_gi::stage::{StageError, adapter};
 use frugal_core::knobs::KnobSpace;
 
-use super::listener::Listener;
 use super::program::{Program, RemoteError, Running};
 
 /// Time that a program has beyond its own limit, to say why it did not keep it.
 const GRACE: Duration = Duration::from_secs(10);
 /// After that it says what it waits for.
 const SILENCE: Duration = Duration::from_secs(30);
+/// Pause between looks for a connection.
+const PAUSE: Duration = Duration::from_millis(10);
 
 /// Why a program gave no answer.
 pub(super) enum NoAnswer {
@@ -49,8 +49,8 @@ pub(super) struct Loaded {
 pub(super) struct Connection {
     program: Program,
     running: Running,
-    input: BufReader<Socket>,
-    output: Socket,
+    input: BufReader<TcpStream>,
+    output: TcpStream,
     /// What it said of itself.
     pub hello: Hello,
     /// Its size after the last reply, bytes.
@@ -174,5 +174,77 @@ impl Connection {
                 Err(NoAnswer::Broken(self.running.describe(&problem)))
             }
         }
+    }
+}
+
+/// Waits for one app.
+struct Listener {
+    /// What the app connects to: `127.0.0.1:PORT/TOKEN`.
+    address: String,
+    listener: TcpListener,
+    token: String,
+}
+
+impl Listener {
+    fn new() -> io::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+        listener.set_nonblocking(true)?;
+        let number =
+            || rand::TryRng::try_next_u64(&mut rand::rngs::SysRng).map_err(io::Error::other);
+        let token = format!("{:016x}{:016x}", number()?, number()?);
+        let address = format!("{}/{token}", listener.local_addr()?);
+        Ok(Self { address, listener, token })
+    }
+
+    /// The connection of who says the token, unless `give_up` returns an error before there is one.
+    fn accept<E: From<io::Error>>(
+        self,
+        mut give_up: impl FnMut() -> Result<(), E>,
+    ) -> Result<TcpStream, E> {
+        loop {
+            match self.listener.accept() {
+                Ok((mut socket, _)) => {
+                    socket.set_nonblocking(false)?;
+                    socket.set_nodelay(true)?;
+                    socket.set_read_timeout(Some(Duration::from_secs(1)))?;
+                    let mut said = vec![0; self.token.len()];
+                    if socket.read_exact(&mut said).is_ok() && said == self.token.as_bytes() {
+                        return Ok(socket);
+                    }
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => give_up()?,
+                Err(error) => return Err(error.into()),
+            }
+            std::thread::sleep(PAUSE);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_who_knows_the_token_is_let_in() {
+        let listener = Listener::new().expect("a socket");
+        let (port, token) = listener.address.split_once('/').expect("a port and a token");
+        assert_eq!(token.len(), 32);
+        let says = |said: String| {
+            let mut socket = TcpStream::connect(port).expect("a listener");
+            socket.write_all(said.as_bytes()).expect("a listener");
+            socket
+        };
+        let mut stranger = says("0".repeat(token.len()));
+        let mut client = says(token.to_owned());
+        let waits = || Err(io::Error::from(io::ErrorKind::TimedOut));
+        let mut accepted = listener.accept(waits).expect("the client");
+        let mut byte = [0];
+        assert!(!matches!(stranger.read(&mut byte), Ok(1..)), "nobody speaks to it");
+        accepted.write_all(b"!").expect("the client");
+        client.read_exact(&mut byte).expect("a byte");
+        drop(client);
+        assert_eq!(accepted.read(&mut byte).expect("an end"), 0);
+        let error = Listener::new().expect("a socket").accept(waits).expect_err("nobody comes");
+        assert_eq!(error.kind(), io::ErrorKind::TimedOut);
     }
 }

@@ -1,19 +1,19 @@
-//! The program of a stage: what it is, its process, and what it said last.
+//! The program of a stage: what it is, its process, and what it said last; and a guard between the tool and
+//! an app's command.
 
 use std::collections::VecDeque;
-use std::ffi::OsStr;
 use std::io::{self, Read};
 use std::path::PathBuf;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitCode, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::stage::protocol::{Answer, LEVEL_VARIABLE, STAGE_VARIABLE};
 
-use super::guard::GUARD_COMMAND;
-
 /// Name of the hidden command that renders a scene file.
-pub(crate) const CHILD_COMMAND: &str = "stage-worker";
+const CHILD_COMMAND: &str = "stage-worker";
+/// Name of the hidden command that runs an app's.
+const GUARD_COMMAND: &str = "stage-guard";
 /// Environment variable for the number of threads of the software driver lavapipe; other drivers
 /// ignore it.
 const LAVAPIPE_THREADS: &str = "LP_NUM_THREADS";
@@ -124,7 +124,7 @@ impl Running {
     /// many as it likes.
     pub(super) fn start(
         program: &Program,
-        address: &OsStr,
+        address: &str,
         threads: Option<usize>,
     ) -> io::Result<Self> {
         let mut command = program.command()?;
@@ -206,6 +206,32 @@ fn keep(mut output: impl Read + Send + 'static, said: &Arc<Mutex<VecDeque<u8>>>)
             }
         }
     });
+}
+
+/// Runs `command` in the system's shell until it ends, or standard input does: the tool is gone, however
+/// it ended. Then all that it has started ends: a command such as `cargo run` starts further processes,
+/// which know nothing of the tool.
+pub(crate) fn guard(command: &str) -> ExitCode {
+    std::thread::spawn(|| {
+        let _ = io::stdin().read_to_end(&mut Vec::new());
+        end_all();
+    });
+    let (shell, option) = if cfg!(windows) { ("cmd", "/C") } else { ("sh", "-c") };
+    match Command::new(shell).args([option, command]).stdin(Stdio::null()).status() {
+        Ok(status) => eprintln!("`{command}` ended: {status}"),
+        Err(error) => eprintln!("cannot run `{command}`: {error}"),
+    }
+    // What it has left running is of no use.
+    end_all();
+    ExitCode::FAILURE
+}
+
+/// Ends this process and its group, of which the tool made it the leader.
+fn end_all() {
+    #[cfg(unix)]
+    let _ = rustix::process::kill_current_process_group(rustix::process::Signal::KILL);
+    #[cfg(not(unix))]
+    std::process::exit(1);
 }
 
 #[cfg(test)]
