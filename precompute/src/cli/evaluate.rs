@@ -201,12 +201,12 @@ fn check(
     let (path, best) = (&trial.record.path, trial.map.knobs.highest());
     stage.warm()?;
     let renderer = &mut stage.processes[0];
-    let played =
+    let (runs, drift) =
         with_progress(|on_frame| play_for_real(renderer, path, best, &mut policies, on_frame))
             .map_err(CliError::failed)?;
-    for (result, run) in results.iter_mut().zip(&played.runs) {
+    for (result, run) in results.iter_mut().zip(&runs) {
         let simulated = trial.record.simulate(&mut trial.controller(&result.budget));
-        result.add_check(run, &simulated, played.drift);
+        result.add_check(run, &simulated, drift);
     }
     Ok(())
 }

@@ -7,22 +7,14 @@ use frugal_core::knobs::KnobLevels;
 use frugal_search::evaluate::{Drift, EvaluationResult, Fixed, FrameRecord, PathPlan, Policy};
 use frugal_trace::metrics::{Picture, Reference};
 
-use super::play::{Against, EvaluationError, Progress, play};
+use super::{Against, EvaluationError, Progress, play};
 use crate::stage::FrameRenderer;
 
 /// Frames of history of an image.
 const HISTORY: usize = 8;
 
-/// Runs that were rendered.
-pub(crate) struct RealPlay {
-    /// Of the policies.
-    pub runs: Vec<Vec<FrameRecord>>,
-    /// From the first to the last run, both at the best settings.
-    pub drift: Drift,
-}
-
 /// Renders a run of each of `policies`, between two runs of the `best` settings, whose images are
-/// the references.
+/// the references. Returns their frames, and the drift from the first run to the last.
 ///
 /// # Errors
 /// When the frame renderer fails or `on_frame` breaks.
@@ -32,7 +24,7 @@ pub(crate) fn play_for_real(
     best: KnobLevels,
     policies: &mut [Box<dyn Policy + '_>],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<RealPlay, EvaluationError> {
+) -> Result<(Vec<Vec<FrameRecord>>, Drift), EvaluationError> {
     let frames_total = (2 + policies.len()) * path.poses().len();
     let mut frames_done = 0;
     let mut run = |name: &str, policy: &mut dyn Policy, against: Against<'_>| {
@@ -48,21 +40,11 @@ pub(crate) fn play_for_real(
         runs.push(run("frugal", policy.as_mut(), Against::Compare(&references))?);
     }
     let last = run("maximum again", &mut Fixed(best), Against::Compare(&references))?;
-    Ok(RealPlay { runs, drift: Drift::between(&first, &last) })
+    Ok((runs, Drift::between(&first, &last)))
 }
 
-/// The image of a frame of a run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct FramePicture {
-    /// The run.
-    pub run: String,
-    /// The frame's number.
-    pub frame: usize,
-    /// The display-referred image.
-    pub picture: Picture,
-}
-
-/// Renders `frames` of every run, each with a short history; those beyond the path are left out.
+/// Renders `frames` of every run, each with a short history; those beyond the path are left out. Images
+/// have captions with the run, the frame and its cost.
 ///
 /// # Errors
 /// When the frame renderer fails or `on_frame` breaks.
@@ -72,7 +54,7 @@ pub(crate) fn pictures(
     result: &EvaluationResult,
     frames: &[usize],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<Vec<FramePicture>, EvaluationError> {
+) -> Result<Vec<(String, Picture)>, EvaluationError> {
     let mut kept = Vec::new();
     let frames_total = result.runs.len() * frames.len();
     for run in &result.runs {
@@ -83,13 +65,11 @@ pub(crate) fn pictures(
                 if picture.is_none() {
                     renderer.begin_run(&run.name, pose, settings)?;
                 }
-                picture = Some(renderer.render_frame(pose, settings)?.picture);
+                picture = Some(renderer.render_frame(pose, settings)?.0);
             }
-            kept.extend(picture.map(|picture| FramePicture {
-                run: run.name.clone(),
-                frame,
-                picture,
-            }));
+            let (name, FrameRecord { power, error, .. }) = (&run.name, &run.series[frame]);
+            let caption = format!("{name}, frame {frame}: {:.2} W, error {error:.4}", power.0);
+            kept.extend(picture.map(|picture| (caption, picture)));
             let frames_done = kept.len();
             if on_frame(&Progress { run: "images", frames_done, frames_total }).is_break() {
                 return Err(EvaluationError::Interrupted);
@@ -118,7 +98,7 @@ mod tests {
         let mut policies: Vec<Box<dyn Policy + '_>> =
             vec![Box::new(trial.controller(&result.budget))];
         let mut seen = 0;
-        let real = play_for_real(
+        let (runs, drift) = play_for_real(
             &mut renderer,
             &path(),
             space().highest(),
@@ -135,7 +115,7 @@ mod tests {
             ("maximum, frugal, maximum again", 30)
         );
         let simulated = record.simulate(&mut trial.controller(&result.budget));
-        result.add_check(&real.runs[0], &simulated, real.drift);
+        result.add_check(&runs[0], &simulated, drift);
         assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
         assert_eq!(result.drift.repeat_max_error, 0.0);
         assert!(result.warnings.last().unwrap().contains("the machine's"));
@@ -152,7 +132,7 @@ mod tests {
             .collect();
         assert_eq!(differs(&result), 0);
         let mut other = result.clone();
-        other.add_check(&cheaper, &simulated, real.drift);
+        other.add_check(&cheaper, &simulated, drift);
         assert_eq!(differs(&other), 1);
         let check = result.spot_check.unwrap();
         let mean =

@@ -6,7 +6,7 @@ use frugal_search::evaluate::Pose;
 use frugal_search::testing::formula::{grey, power};
 use frugal_trace::metrics::Picture;
 
-use crate::stage::{FrameRenderer, RemoteError, RenderedFrame};
+use crate::stage::{FrameRenderer, RemoteError};
 
 /// Power by formula. Images are uniformly grey.
 #[derive(Default)]
@@ -33,7 +33,7 @@ impl FrameRenderer for Fake {
         &mut self,
         pose: &Pose,
         settings: KnobLevels,
-    ) -> Result<RenderedFrame, RemoteError> {
+    ) -> Result<(Picture, Watts), RemoteError> {
         if self.broken_at == Some(self.frames) {
             return Err(RemoteError::failed("broken"));
         }
@@ -42,9 +42,6 @@ impl FrameRenderer for Fake {
             + self.drift * (self.runs.len() - 1) as f64;
         self.frames += 1;
         let grey = grey(settings) + self.brighter * (self.runs.len() - 1) as u8;
-        Ok(RenderedFrame {
-            picture: Picture::from_fn(16, 12, |_, _| [grey; 3]),
-            power: Watts(watts),
-        })
+        Ok((Picture::from_fn(16, 12, |_, _| [grey; 3]), Watts(watts)))
     }
 }

@@ -1,23 +1,114 @@
 //! Plays a camera path, renders its record, and checks what is simulated from it.
 //!
-//! A [`FrameRenderer`](crate::stage::FrameRenderer) renders and meters; a
-//! [`Policy`](frugal_search::evaluate::Policy) decides each frame's settings.
+//! A [`FrameRenderer`] renders and meters; a [`Policy`] decides each frame's settings.
 //! [`frugal_search::evaluate`] holds what needs no renderer.
 //!
 //! | part | job |
 //! |---|---|
-//! | `play` | one run along a path: frame renderer, policy, per-frame records |
+//! | `mod` | one run along a path: frame renderer, policy, per-frame records |
 //! | `render_path` | makes a record of a path, with several renderers side by side |
 //! | `check` | real plays beside the record: errors of simulation, drift, images |
 //! | `table` | results as text, and per-frame CSV |
+
 mod check;
 #[cfg(test)]
 pub(crate) mod fake;
-mod play;
 mod render_path;
 mod table;
 
-pub(crate) use check::{FramePicture, pictures, play_for_real};
-pub(crate) use play::{EvaluationError, Progress, plan_along};
+use std::ops::ControlFlow;
+
+use frugal_core::frontier::CostPoint;
+use frugal_search::evaluate::{FrameRecord, PathPlan, Policy, Pose};
+use frugal_search::journal::JournalError;
+use frugal_trace::metrics::Reference;
+
+use crate::scene::CameraPath;
+use crate::stage::{FrameRenderer, RemoteError};
+pub(crate) use check::{pictures, play_for_real};
 pub(crate) use render_path::extend;
 pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};
+
+/// Why an evaluation failed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum EvaluationError {
+    /// Rendering or metering failed, or an image cannot be compared.
+    #[error(transparent)]
+    Renderer(#[from] RemoteError),
+    /// The record could not be written.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// Stopped from outside.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// A scene's path called `name`, from its start, at `fps` frames per second.
+///
+/// # Errors
+/// As [`PathPlan::sample`].
+pub(crate) fn plan_along(name: &str, path: &CameraPath, fps: f64) -> Result<PathPlan, String> {
+    PathPlan::sample(name, f64::from(path.duration()), fps, |seconds| {
+        path.sample(path.start() + seconds as f32)
+            .unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
+    })
+}
+
+/// Progress of an evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Progress<'a> {
+    /// The run that is playing.
+    pub run: &'a str,
+    /// Frames of all runs played so far, this one included.
+    pub frames_done: usize,
+    /// Frames of all runs.
+    pub frames_total: usize,
+}
+
+/// Use of a run's images.
+enum Against<'a> {
+    /// Stores them as the references.
+    Collect(&'a mut Vec<Reference>),
+    /// Compares them with these references.
+    Compare(&'a [Reference]),
+}
+
+/// Plays all of `path`. `on_frame` is called after every frame and can stop the run.
+fn play(
+    renderer: &mut impl FrameRenderer,
+    path: &PathPlan,
+    name: &str,
+    policy: &mut dyn Policy,
+    mut against: Against<'_>,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Vec<FrameRecord>, EvaluationError> {
+    let dt = path.fps().recip();
+    let mut records = Vec::with_capacity(path.poses().len());
+    for (frame, pose) in path.poses().iter().enumerate() {
+        let choice = policy.decide(frame, dt, pose);
+        if frame == 0 {
+            renderer.begin_run(name, pose, choice.settings)?;
+        }
+        let (picture, power) = renderer.render_frame(pose, choice.settings)?;
+        let at_frame = |error| RemoteError::failed(format!("run `{name}`, frame {frame}: {error}"));
+        let error = match &mut against {
+            Against::Collect(references) => {
+                references.push(Reference::new(&picture).map_err(at_frame)?);
+                0.0
+            }
+            Against::Compare(references) => references[frame].error(&picture).map_err(at_frame)?,
+        };
+        policy.observe(CostPoint::new(power.0, error));
+        records.push(FrameRecord {
+            time: frame as f64 * dt,
+            settings: choice.settings,
+            power,
+            error,
+            predicted: choice.predicted,
+        });
+        if on_frame().is_break() {
+            return Err(EvaluationError::Interrupted);
+        }
+    }
+    Ok(records)
+}

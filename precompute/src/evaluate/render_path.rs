@@ -9,7 +9,7 @@ use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
 use frugal_search::journal::{Journal, JournalError};
 use frugal_trace::metrics::Reference;
 
-use super::play::{Against, EvaluationError, Progress, play};
+use super::{Against, EvaluationError, Progress, play};
 use crate::stage::{FrameRenderer, side_by_side};
 
 /// Renders the whole path with each of `settings` that is not recorded yet, and stores each

@@ -4,43 +4,18 @@ use frugal_trace::metrics::Picture;
 
 use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
-use crate::evaluate::{FramePicture, TABLE_HEADERS, headline, notes, table_row};
+use crate::evaluate::{TABLE_HEADERS, headline, notes, table_row};
 
 use super::{Axis, Color, Curve, Mark, Plot, Report, ReportError, Section, provenance};
 
-/// A page on `result`, with `pictures` of frames.
+/// A page on `result`, with `pictures` of frames and their captions.
 ///
 /// # Errors
 /// When a plot or an image fails.
 pub(crate) fn evaluation_report(
     result: &EvaluationResult,
-    pictures: &[FramePicture],
+    pictures: &[(String, Picture)],
 ) -> Result<String, ReportError> {
-    let mut report =
-        Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
-    report.section(evaluation_section(result, &captioned(result, pictures))?);
-    Ok(report.render())
-}
-
-/// Images of an evaluation, captioned with run, frame and the frame's cost.
-fn captioned<'p>(
-    result: &EvaluationResult,
-    pictures: &'p [FramePicture],
-) -> Vec<(String, &'p Picture)> {
-    let caption = |run: &str, frame: usize| {
-        let of_run = result.runs.iter().find(|result| result.name == run);
-        let cost = of_run.and_then(|run| run.series.get(frame)).map_or(String::new(), |record| {
-            format!(": {:.2} W, error {:.4}", record.power.0, record.error)
-        });
-        format!("{run}, frame {frame}{cost}")
-    };
-    pictures.iter().map(|kept| (caption(&kept.run, kept.frame), &kept.picture)).collect()
-}
-
-fn evaluation_section(
-    result: &EvaluationResult,
-    pictures: &[(String, &Picture)],
-) -> Result<Section, ReportError> {
     let mut section =
         Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
     section.paragraph(&headline(result));
@@ -64,7 +39,10 @@ fn evaluation_section(
         section.heading("The same frames under each");
         section.pictures(pictures)?;
     }
-    Ok(section)
+    let mut report =
+        Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
+    report.section(section);
+    Ok(report.render())
 }
 
 fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
@@ -152,8 +130,7 @@ mod tests {
             ControlFlow::Continue(())
         })
         .unwrap();
-        let pictures = captioned(&result, &kept);
-        let minimum = pictures.iter().find(|(caption, _)| caption.starts_with("minimum"));
+        let minimum = kept.iter().find(|(caption, _)| caption.starts_with("minimum"));
         assert_eq!(minimum.unwrap().0, "minimum, frame 4: 1.01 W, error 0.1176");
         let html = evaluation_report(&result, &kept).unwrap();
         for text in [

@@ -176,7 +176,7 @@ impl Section {
     /// When one cannot be encoded; the section then lacks all of them.
     pub(crate) fn pictures(
         &mut self,
-        pictures: &[(String, &Picture)],
+        pictures: &[(String, Picture)],
     ) -> Result<&mut Self, ReportError> {
         let mut html = String::from("<div class=\"pictures\">\n");
         for (caption, picture) in pictures {
@@ -214,7 +214,7 @@ mod tests {
         let mut section = Section::new(NASTY);
         section.heading(NASTY).paragraph(NASTY).warning(NASTY).facts(&[(NASTY, NASTY.into())]);
         section.table(NASTY, &[NASTY], &[vec![NASTY.into()]]).legend([(NASTY, Color::BLUE)]);
-        section.pictures(&[(NASTY.into(), &Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
+        section.pictures(&[(NASTY.into(), Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let mut report = Report::new(NASTY);
         report.facts(&[(NASTY, NASTY.into())]).section(section);
         let html = report.render();
@@ -229,7 +229,7 @@ mod tests {
     fn the_page_is_self_contained() {
         let mut report = Report::new("Report");
         let mut section = Section::new("Images");
-        section.pictures(&[("grey".into(), &Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
+        section.pictures(&[("grey".into(), Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
         report.section(section).section(Section::new("Second"));
         let html = report.render();
         assert!(
@@ -265,6 +265,6 @@ mod tests {
 
     #[test]
     fn an_empty_image_is_an_error() {
-        assert!(Section::new("").pictures(&[(String::new(), &Picture::default())]).is_err());
+        assert!(Section::new("").pictures(&[(String::new(), Picture::default())]).is_err());
     }
 }

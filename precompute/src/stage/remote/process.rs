@@ -13,7 +13,7 @@ use frugal_trace::scene::CameraPose;
 
 use super::connection::{Connection, NoAnswer};
 use super::program::{Program, RemoteError};
-use crate::stage::{FrameRenderer, RenderedFrame};
+use crate::stage::FrameRenderer;
 use crate::work_meter::WorkMeter;
 
 /// Resident size above which a process is replaced, bytes. Well above a scene's own textures, well
@@ -219,12 +219,11 @@ impl FrameRenderer for StageProcess {
         &mut self,
         pose: &CameraPose,
         settings: KnobLevels,
-    ) -> Result<RenderedFrame, RemoteError> {
+    ) -> Result<(Picture, Watts), RemoteError> {
         match self.ask(&Request::Play { pose: *pose, settings })? {
-            (Answer::Frame { power, width, height }, bytes) => Ok(RenderedFrame {
-                picture: picture(width, height, &bytes)?,
-                power: self.power(power, settings)?,
-            }),
+            (Answer::Frame { power, width, height }, bytes) => {
+                Ok((picture(width, height, &bytes)?, self.power(power, settings)?))
+            }
             (other, _) => Err(RemoteError::unexpected(&other)),
         }
     }
