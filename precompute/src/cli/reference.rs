@@ -13,7 +13,6 @@ use super::arguments::{
 };
 use super::input::open_scene;
 use super::progress::{Progress, interrupted};
-use crate::scene::ReferenceError;
 use crate::stage::Component;
 
 #[derive(clap::Args, Debug)]
@@ -67,12 +66,6 @@ fn bounces(text: &str) -> Result<Bounces, String> {
     }
 }
 
-impl From<ReferenceError> for CliError {
-    fn from(error: ReferenceError) -> Self {
-        Self::usage(error)
-    }
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let is_direct = arguments.component == Component::Direct;
     if is_direct && arguments.bounces.is_some_and(|bounces| bounces.0 != Some(0)) {
@@ -80,7 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
     let description = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&description.name)?;
-    let scene = description.reference()?;
+    let scene = description.reference().map_err(CliError::usage)?;
     let view = description.view(arguments.camera.pose()?, arguments.size);
     let settings = Settings {
         samples: arguments.spp,

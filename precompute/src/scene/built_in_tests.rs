@@ -24,7 +24,7 @@ fn built_in(name: &str) -> LoadedScene {
 
 #[test]
 fn every_scene_is_valid_and_within_its_budget() {
-    for name in NAMES {
+    for name in BUILT_IN {
         let geometry = built_in(name).geometry;
         assert_eq!(geometry.validate(), Ok(()), "{name}");
         let budget = if name == "furnace" { 6000 } else { 5000 };
@@ -66,7 +66,7 @@ fn every_scene_is_valid_and_within_its_budget() {
 
 #[test]
 fn every_tour_stays_in_the_open_within_its_bounds_and_has_something_to_see() {
-    for name in NAMES {
+    for name in BUILT_IN {
         let scene = scene(name);
         assert_eq!(scene.description.geometry, Geometry::Procedural(name.into()));
         let (rays, bounds) = (&scene.rays, scene.camera_bounds());
@@ -218,7 +218,7 @@ fn every_scene_can_be_path_traced() {
     furnace.description.environment = Environment::Map("no/such/sky.hdr".to_owned(), 1.0);
     let refused = furnace.reference().expect_err("no such file").to_string();
     assert!(refused.contains("no/such/sky.hdr"), "{refused}");
-    for name in NAMES {
+    for name in BUILT_IN {
         let mut scene = built_in(name);
         scene.description.environment = Environment::Constant([10.0; 3]);
         scene.description.lights = vec![Light::Directional {

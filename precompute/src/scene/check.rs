@@ -7,8 +7,7 @@ use frugal_core::knobs::did_you_mean;
 use frugal_trace::light::Light;
 use glam::Vec3;
 
-use super::built_in;
-use super::description::{Environment, Geometry, SceneDescription};
+use super::description::{BUILT_IN, Environment, Geometry, SceneDescription};
 use super::path::CameraPath;
 
 /// A problem of a description, and its remedy.
@@ -74,20 +73,20 @@ fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
     })
 }
 
-/// A name that is not one of [`built_in::NAMES`].
+/// A name that is not one of [`BUILT_IN`].
 pub(super) fn no_such_scene(name: &str) -> Problem {
-    let known = built_in::NAMES.map(|name| format!("\"{name}\"")).join(", ");
+    let known = BUILT_IN.map(|name| format!("\"{name}\"")).join(", ");
     Problem {
         field: "geometry[0]".into(),
         problem: format!("no procedural scene is called \"{name}\""),
-        remedy: format!("{}use one of {known}", did_you_mean(name, built_in::NAMES)),
+        remedy: format!("{}use one of {known}", did_you_mean(name, BUILT_IN)),
     }
 }
 
 /// Checks every value of a description, but not the files that it names.
 pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     if let Geometry::Procedural(name) = &description.geometry
-        && !built_in::NAMES.contains(&name.as_str())
+        && !BUILT_IN.contains(&name.as_str())
     {
         return Err(no_such_scene(name));
     }

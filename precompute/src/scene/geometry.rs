@@ -15,11 +15,10 @@ use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::stage::extract::extract;
 use frugal_trace::scene::SceneGeometry;
 
-use super::built_in;
 use super::check::{self, Problem};
-use super::description::{Geometry, SceneDescription};
+use super::description::{Geometry, SceneDescription, glb};
 use super::document::{self, Checked};
-use super::spawn::{Emission, SpawnedGeometry, spawn};
+use super::spawn::{SpawnedGeometry, spawn};
 
 /// Pause while files are read.
 const YIELD: Duration = Duration::from_millis(1);
@@ -41,31 +40,26 @@ pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Che
                 remedy: "give a file relative to the description".into(),
             })?
         }
-        Geometry::Procedural(_) => {
-            built_in::glb(name).ok_or_else(|| check::no_such_scene(name))?.to_vec()
-        }
+        Geometry::Procedural(_) => glb(name).ok_or_else(|| check::no_such_scene(name))?.to_vec(),
     };
     let mut checked = document::check(&bytes).map_err(|problem| unusable(name, &problem))?;
     let mut app = app();
-    spawn(app.world_mut(), description, checked.scene, Emission::Nits);
-    let spawned = loop {
+    spawn(app.world_mut(), description, checked.scene, None);
+    let loaded = loop {
         app.update();
-        let spawned = app.world().resource::<SpawnedGeometry>();
-        if spawned.is_complete {
-            break spawned.clone();
+        if let Some(loaded) = app.world().resource::<SpawnedGeometry>().loaded.clone() {
+            break loaded;
         }
         std::thread::sleep(YIELD);
     };
-    if let Some(failure) = &spawned.failure {
-        return Err(unusable(name, failure));
-    }
+    let gaps = loaded.map_err(|failure| unusable(name, &failure))?;
     // What was spawned in this update has its place in the next.
     app.update();
     let extracted = extract(app.world_mut(), None);
     if extracted.geometry.triangle_count() == 0 {
         return Err(unusable(name, "it has no triangles"));
     }
-    checked.gaps.extend(spawned.gaps);
+    checked.gaps.extend(gaps);
     checked.gaps.extend(extracted.gaps);
     Ok((extracted.geometry, checked))
 }

@@ -2,32 +2,145 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | `description` | contents of a `*.scene.ron` file |
+//! | `mod` | a scene in memory, read once |
+//! | `description` | contents of a `*.scene.ron` file; the scenes that come with the tool |
 //! | `path` | camera paths between keys |
 //! | `document` | what Bevy's loader does not read of a glTF file |
 //! | `spawn` | a description's geometry in an app |
 //! | `geometry` | a description's geometry as plain data |
-//! | `built_in` | the scenes that come with the tool |
 //! | `check`, `locate` | rules of a description; line and column of a field |
 //! | `fingerprint` | a scene's identity |
 //! | `load` | reads and checks a description; errors name file, line, column, field and remedy |
-//! | `loaded` | a scene in memory, read once |
-mod built_in;
 mod check;
 mod description;
 mod document;
 mod fingerprint;
 mod geometry;
 mod load;
-mod loaded;
 mod locate;
 mod path;
 mod spawn;
 
+use std::ops::Deref;
+use std::path::Path;
+use std::sync::Arc;
+
+use frugal_trace::integrator::{ReferenceScene, View};
+use frugal_trace::light::Sky;
+use frugal_trace::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SkyMap};
+use glam::{UVec2, Vec3};
+
 pub use description::{Camera, Environment, Geometry, SceneDescription};
+use document::Checked;
+use fingerprint::fingerprint;
 pub(crate) use fingerprint::level_fingerprint;
 pub(crate) use geometry::headless;
 pub use load::SceneError;
-pub use loaded::{LoadedScene, ReferenceError, load};
 pub use path::{CameraKey, CameraPath};
-pub(crate) use spawn::{Emission, SpawnedGeometry, spawn};
+pub(crate) use spawn::{SpawnedGeometry, spawn};
+
+/// Default margin of the camera bounds, as a share of the geometry's extent at each side: walls are
+/// seldom thinner.
+const DEFAULT_BOUNDS_MARGIN: f32 = 0.1;
+
+/// A scene with its geometry, read once and shared by all who need it. Dereferences to its
+/// description.
+#[derive(Clone, Debug)]
+pub struct LoadedScene {
+    /// The description.
+    pub description: SceneDescription,
+    /// Its geometry, as Bevy shows it.
+    pub geometry: Arc<SceneGeometry>,
+    /// What of the geometry's file is not represented, or not as Bevy shows it, as sentences.
+    pub gaps: Vec<String>,
+    /// The geometry's triangles, for ray queries.
+    pub rays: Arc<RayScene>,
+    /// Number of the scene in the geometry's file.
+    pub(crate) number: usize,
+}
+
+impl Deref for LoadedScene {
+    type Target = SceneDescription;
+
+    fn deref(&self) -> &SceneDescription {
+        &self.description
+    }
+}
+
+/// Reads the scene description at `path` and checks it, with the files that it names.
+///
+/// # Errors
+/// [`SceneError`], which names file, line, column, field, problem and remedy.
+pub fn load(path: impl AsRef<Path>) -> Result<LoadedScene, SceneError> {
+    let scene = LoadedScene::new(load::read(path.as_ref())?)?;
+    scene.environment_bytes()?;
+    Ok(scene)
+}
+
+impl LoadedScene {
+    /// Reads the geometry of a description.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
+    pub fn new(description: SceneDescription) -> Result<Self, SceneError> {
+        let (geometry, Checked { scene: number, gaps }) =
+            geometry::read(&description).map_err(|problem| description.locate(problem))?;
+        Ok(Self { gaps, number, ..Self::with_geometry(description, geometry) })
+    }
+
+    /// A description with `geometry` in place of its own.
+    pub fn with_geometry(description: SceneDescription, geometry: SceneGeometry) -> Self {
+        let rays = RayScene::from_geometry(&geometry).into();
+        Self { description, geometry: geometry.into(), gaps: Vec::new(), rays, number: 0 }
+    }
+
+    /// The scene's identity: 32 hexadecimal digits that change with every change of the scene's
+    /// images or camera space: its triangles, materials and textures, in any order, and the values
+    /// of its description, but not its paths, its layout or its name. The same on every machine.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the environment whose file cannot be read.
+    pub fn fingerprint(&self) -> Result<String, SceneError> {
+        Ok(fingerprint(&self.description, &self.geometry, &self.environment_bytes()?))
+    }
+
+    /// The camera space: the description's bounds, else the geometry's bounding box minus a tenth
+    /// of its extent at each side. Without geometry a cubic metre around the origin.
+    pub fn camera_bounds(&self) -> Bounds {
+        let fallback = Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
+        self.description.bounds.unwrap_or_else(|| {
+            self.geometry.bounds().map_or(fallback, |bounds| bounds.shrunk(DEFAULT_BOUNDS_MARGIN))
+        })
+    }
+
+    /// The scene for the path tracer. Reads the environment map.
+    ///
+    /// # Errors
+    /// When the environment map cannot be read, or the geometry is broken.
+    pub fn reference(&self) -> Result<ReferenceScene, String> {
+        let sky = match &self.environment {
+            Environment::None => Sky::Black,
+            Environment::Constant(radiance) => Sky::constant(*radiance),
+            Environment::Map(file, intensity) => {
+                let map = SkyMap::read(&self.resolve(file)).map_err(|error| error.to_string())?;
+                Sky::map(map, *intensity)
+            }
+        };
+        self.reference_under(sky)
+    }
+
+    /// The same with another environment.
+    pub(crate) fn reference_under(&self, sky: Sky) -> Result<ReferenceScene, String> {
+        let (geometry, rays) = (Arc::clone(&self.geometry), Arc::clone(&self.rays));
+        ReferenceScene::new(geometry, rays, &self.lights, sky)
+            .map_err(|error| format!("the geometry cannot be used: {error}"))
+    }
+}
+
+impl SceneDescription {
+    /// A view of `size` pixels with the scene's lens, for the path tracer.
+    pub fn view(&self, pose: CameraPose, size: UVec2) -> View {
+        let (vertical_fov_degrees, near) = (self.camera.vertical_fov, self.camera.near);
+        View { pose, vertical_fov_degrees, near, size }
+    }
+}

@@ -1,61 +1,51 @@
 //! A description's geometry in an app, by Bevy's own glTF loader.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use bevy::app::PostUpdate;
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;
-use bevy::asset::{AssetPath, AssetServer, Assets, Handle, LoadState};
+use bevy::asset::{AssetId, AssetPath, AssetServer, Assets, Handle, LoadState};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::hierarchy::Children;
 use bevy::ecs::observer::On;
 use bevy::ecs::resource::Resource;
 use bevy::ecs::schedule::Schedules;
-use bevy::ecs::system::ResMut;
+use bevy::ecs::system::{Query, Res, ResMut};
 use bevy::ecs::world::World;
 use bevy::gltf::{GltfAssetLabel, GltfLoaderSettings};
 use bevy::image::Image;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::world_serialization::{WorldAsset, WorldAssetRoot, WorldInstanceReady};
 
-use super::built_in;
-use super::description::{Geometry, SceneDescription};
+use super::description::{Geometry, SceneDescription, glb};
 
 /// Folder of the scenes that come with the tool, among the app's embedded assets.
 const EMBEDDED_FOLDER: &str = "frugal_scenes";
-
-/// The unit of emissive materials, whose factor counts in nits in a scene's file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Emission {
-    /// Nits.
-    Nits,
-    /// The renderer's, which are nits × this exposure: Bevy 0.19's G-buffer does not store the
-    /// exposure weight of emission.
-    Exposed(f32),
-}
 
 /// How the geometry of this world's scene was loaded.
 #[derive(Resource, Clone, Debug)]
 pub(crate) struct SpawnedGeometry {
     root: Entity,
     scene: Handle<WorldAsset>,
-    emission: Emission,
+    exposure: Option<f32>,
     is_spawned: bool,
-    /// It is there, or has failed.
-    pub(crate) is_complete: bool,
-    /// Why the file cannot be used.
-    pub(crate) failure: Option<String>,
-    /// Images that are missing, as sentences.
-    pub(crate) gaps: Vec<String>,
+    /// `None` while it loads. Then the images that are missing, as sentences, or why the file cannot
+    /// be used.
+    pub(crate) loaded: Option<Result<Vec<String>, String>>,
 }
 
 /// Spawns a description's geometry, which its file then loads into; [`SpawnedGeometry`] says when.
 /// The world must be that of an app with Bevy's default plugins, whose assets may be anywhere for a
 /// file outside the app's own folder: `AssetPlugin::unapproved_path_mode`.
+///
+/// The factor of emissive materials counts in nits in a scene's file, and in the app unless there is an
+/// `exposure`, which scales it: Bevy 0.19's G-buffer does not store the exposure weight of emission.
 pub(crate) fn spawn(
     world: &mut World,
     description: &SceneDescription,
     scene: usize,
-    emission: Emission,
+    exposure: Option<f32>,
 ) {
     let path = match &description.geometry {
         Geometry::Gltf(name) => {
@@ -64,7 +54,7 @@ pub(crate) fn spawn(
         }
         Geometry::Procedural(name) => {
             let path = Path::new(EMBEDDED_FOLDER).join(format!("{name}.glb"));
-            let bytes = built_in::glb(name).unwrap_or_default();
+            let bytes = glb(name).unwrap_or_default();
             if let Some(embedded) = world.get_resource::<EmbeddedAssetRegistry>() {
                 embedded.insert_asset(path.clone(), &path, bytes);
             }
@@ -87,15 +77,7 @@ pub(crate) fn spawn(
         spawned.is_spawned = true;
     };
     let root = world.spawn(WorldAssetRoot(scene.clone())).observe(is_ready).id();
-    let spawned = SpawnedGeometry {
-        root,
-        scene,
-        emission,
-        is_spawned: false,
-        is_complete: false,
-        failure: None,
-        gaps: Vec::new(),
-    };
+    let spawned = SpawnedGeometry { root, scene, exposure, is_spawned: false, loaded: None };
     world.insert_resource(spawned);
     if let Some(mut schedules) = world.get_resource_mut::<Schedules>() {
         schedules.add_systems(PostUpdate, finish);
@@ -103,57 +85,51 @@ pub(crate) fn spawn(
 }
 
 /// Finishes geometry whose file and images are loaded.
-fn finish(world: &mut World) {
-    let mut spawned = world.resource::<SpawnedGeometry>().clone();
-    if spawned.is_complete {
+fn finish(
+    mut spawned: ResMut<SpawnedGeometry>,
+    server: Res<AssetServer>,
+    children: Query<&Children>,
+    drawn: Query<&MeshMaterial3d<StandardMaterial>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    if spawned.loaded.is_some() {
         return;
     }
-    let state = world.resource::<AssetServer>().load_state(&spawned.scene);
-    if let LoadState::Failed(error) = state {
-        spawned.failure = Some(error.to_string());
+    if let LoadState::Failed(error) = server.load_state(&spawned.scene) {
+        spawned.loaded = Some(Err(error.to_string()));
     } else if spawned.scene.path().is_none() {
         let message = "the app's `AssetPlugin::unapproved_path_mode` forbids its folder";
-        spawned.failure = Some(message.to_owned());
-    } else if spawned.is_spawned
-        && let Some(gaps) = finish_materials(world, spawned.root, spawned.emission)
-    {
-        spawned.gaps = gaps;
-    } else {
-        return;
+        spawned.loaded = Some(Err(message.to_owned()));
+    } else if spawned.is_spawned {
+        let parts = children.iter_descendants(spawned.root);
+        let used = parts.filter_map(|part| Some(drawn.get(part).ok()?.0.id())).collect();
+        let gaps = finish_materials(&used, &server, &mut materials, spawned.exposure);
+        spawned.loaded = gaps.map(Ok);
     }
-    spawned.is_complete = true;
-    world.insert_resource(spawned);
 }
 
 /// Leaves out images that are missing, without which Bevy draws nothing, and sets the unit of
 /// emission. Returns the images that are missing, as sentences; `None`, and does nothing, while one
 /// loads.
-fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> Option<Vec<String>> {
-    let mut pending = vec![root];
-    let mut handles: Vec<Handle<StandardMaterial>> = Vec::new();
-    while let Some(entity) = pending.pop() {
-        pending.extend(world.get::<Children>(entity).iter().flat_map(|children| children.iter()));
-        if let Some(material) = world.get::<MeshMaterial3d<StandardMaterial>>(entity)
-            && !handles.contains(&material.0)
-        {
-            handles.push(material.0.clone());
-        }
-    }
-    let server = world.resource::<AssetServer>().clone();
-    let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
-    let is_loading = |handle: &Handle<StandardMaterial>| {
-        materials.get(handle).is_none_or(|material| {
+fn finish_materials(
+    used: &HashSet<AssetId<StandardMaterial>>,
+    server: &AssetServer,
+    materials: &mut Assets<StandardMaterial>,
+    exposure: Option<f32>,
+) -> Option<Vec<String>> {
+    let is_loading = |id: &AssetId<StandardMaterial>| {
+        materials.get(*id).is_none_or(|material| {
             let mut material = material.clone();
             let mut images = slots(&mut material).into_iter().flatten();
             images.any(|image| matches!(server.get_load_state(&*image), Some(LoadState::Loading)))
         })
     };
-    if handles.iter().any(is_loading) {
+    if used.iter().any(is_loading) {
         return None;
     }
     let mut missing = Vec::new();
-    for handle in &handles {
-        let Some(mut material) = materials.get_mut(handle) else { continue };
+    for id in used {
+        let Some(mut material) = materials.get_mut(*id) else { continue };
         for slot in slots(&mut material) {
             if let Some(LoadState::Failed(_)) =
                 slot.as_ref().and_then(|image| server.get_load_state(image))
@@ -165,9 +141,9 @@ fn finish_materials(world: &mut World, root: Entity, emission: Emission) -> Opti
                 ));
             }
         }
-        match emission {
-            Emission::Nits => material.emissive_exposure_weight = 1.0,
-            Emission::Exposed(exposure) => {
+        match exposure {
+            None => material.emissive_exposure_weight = 1.0,
+            Some(exposure) => {
                 let emissive = &mut material.emissive;
                 for channel in [&mut emissive.red, &mut emissive.green, &mut emissive.blue] {
                     *channel *= exposure;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use bevy::app::{App, Last, PluginGroup, Startup};
+use bevy::ecs::system::{Res, ResMut};
 use bevy::ecs::world::World;
 use bevy::render::RenderPlugin;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
@@ -49,8 +50,8 @@ pub fn open_with(
     let camera = world::spawn(app.world_mut(), scene)?;
     loop {
         app.update();
-        if let Some(spawned) = spawned(app.world()) {
-            spawned.map_err(StageError::Level)?;
+        if let Some(loaded) = &app.world().resource::<SpawnedGeometry>().loaded {
+            loaded.clone().map_err(StageError::Level)?;
             return Stage::new(app, camera, options);
         }
         std::thread::sleep(YIELD);
@@ -74,19 +75,13 @@ fn spawn_level(world: &mut World) {
     world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::NotYet));
 }
 
-/// Once the scene file's geometry has loaded.
-fn say_ready(world: &mut World) {
-    if world.get_resource::<StageReady>() == Some(&StageReady::NotYet)
-        && let Some(spawned) = spawned(world)
+/// Once the scene file's geometry has loaded, or cannot be.
+fn say_ready(spawned: Option<Res<SpawnedGeometry>>, mut ready: ResMut<StageReady>) {
+    if *ready == StageReady::NotYet
+        && let Some(loaded) = spawned.and_then(|spawned| spawned.loaded.clone())
     {
-        world.insert_resource(spawned.map_or_else(StageReady::Failed, |()| StageReady::Ready));
+        *ready = loaded.map_or_else(StageReady::Failed, |_| StageReady::Ready);
     }
-}
-
-/// Whether the scene's geometry is there, or why it cannot be; `None` while it loads.
-fn spawned(world: &World) -> Option<Result<(), String>> {
-    let spawned = world.get_resource::<SpawnedGeometry>().filter(|spawned| spawned.is_complete)?;
-    Some(spawned.failure.clone().map_or(Ok(()), Err))
 }
 
 /// An app without window, log, signal handler and user interface, whose pipelines compile when they

@@ -19,7 +19,7 @@ use frugal_trace::light::Light;
 use glam::Vec3;
 
 use super::{StageError, environment};
-use crate::scene::{Emission, Environment, LoadedScene, spawn as spawn_geometry};
+use crate::scene::{Environment, LoadedScene, spawn as spawn_geometry};
 
 /// Sets up `scene` for `camera`: spawns its geometry and lights, sets the app's environment light,
 /// and gives the camera the scene's lens, exposure and background. The camera's other components,
@@ -36,7 +36,7 @@ pub fn populate(world: &mut World, scene: &LoadedScene, camera: Entity) -> Resul
     let reach =
         geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
     let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
-    spawn_geometry(world, scene, scene.number, Emission::Exposed(exposure));
+    spawn_geometry(world, scene, scene.number, Some(exposure));
     for light in &scene.lights {
         spawn_light(world, light, reach);
     }

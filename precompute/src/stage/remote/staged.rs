@@ -16,7 +16,7 @@ use super::connection::Connection;
 use super::process::StageProcess;
 use super::program::{Program, RemoteError};
 use crate::scene::{
-    self, Camera, Environment, Geometry, LoadedScene, ReferenceError, SceneDescription, SceneError,
+    self, Camera, Environment, Geometry, LoadedScene, SceneDescription, SceneError,
 };
 use crate::stage::{every_knob, useful_knobs};
 use crate::subject::view_describer;
@@ -149,15 +149,14 @@ impl StagedScene {
     ///
     /// # Errors
     /// When the environment map cannot be read, or the geometry is broken.
-    pub(crate) fn reference(&self) -> Result<ReferenceScene, ReferenceError> {
+    pub(crate) fn reference(&self) -> Result<ReferenceScene, String> {
         let sky = match self.level.as_ref().map(|level| &level.sky) {
             None => return self.scene.reference(),
             Some(ExtractedSky::Black) => Sky::Black,
             Some(ExtractedSky::Constant(radiance)) => Sky::constant(*radiance),
             Some(ExtractedSky::Map(map, intensity)) => Sky::map(map.clone(), *intensity),
         };
-        let (geometry, rays) = (self.scene.geometry.clone(), self.scene.rays.clone());
-        Ok(ReferenceScene::new(geometry, rays, &self.scene.lights, sky)?)
+        self.scene.reference_under(sky)
     }
 
     /// Describes its views; `None` where it cannot be path-traced.
