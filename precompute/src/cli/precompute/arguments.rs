@@ -1,4 +1,4 @@
-//! Arguments of a search: its cameras, its extent and its duration.
+//! Arguments of `frugal precompute`.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -25,8 +25,31 @@ pub(in crate::cli) struct Arguments {
     pub(super) output: Option<PathBuf>,
     #[command(flatten)]
     pub(super) capture: CaptureArguments,
-    #[command(flatten)]
-    pub(super) search: SearchArguments,
+    /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
+    #[arg(long = "cameras", value_name = "FILE")]
+    pub(super) recordings: Vec<PathBuf>,
+    /// Paths of the scene to train on; default: all
+    #[arg(long = "path", value_name = "NAME")]
+    pub(super) paths: Vec<String>,
+    /// Training cameras; further ones, a sixth of their number, calibrate error budgets
+    #[arg(long, value_name = "N", default_value_t = 96, value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000))]
+    pub(super) training: usize,
+    /// Power threshold for dividing a node: watts, or a share of the power range
+    #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
+    pub(super) power_threshold: PowerBudget,
+    /// Error threshold for dividing a node (1 − SSIM): a node is divided where either is exceeded
+    /// and the division lowers the cost
+    #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
+    pub(super) error_threshold: f64,
+    /// Greatest number of octree levels
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(0..=6))]
+    pub(super) levels: u8,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Time limit, after which the best map so far is written: 90s, 10m, 1h
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub(super) time_limit: Option<Duration>,
     /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; with --resume
     /// a shard reads the others' journals beside the map. Without a time limit, which each shard would
     /// keep apart
@@ -44,43 +67,6 @@ pub(in crate::cli) struct Arguments {
 /// Highest frame rate at which tracks are sampled, hertz.
 const FASTEST: f64 = 1000.0;
 
-/// Tracks, on and around which cameras are sampled.
-#[derive(clap::Args, Debug, Clone)]
-pub(super) struct TrackArguments {
-    /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
-    #[arg(long = "cameras", value_name = "FILE")]
-    pub recordings: Vec<PathBuf>,
-    /// Paths of the scene to train on; default: all
-    #[arg(long = "path", value_name = "NAME")]
-    pub paths: Vec<String>,
-}
-
-/// Training cameras, and extent and duration of the search.
-#[derive(clap::Args, Debug, Clone)]
-pub(super) struct SearchArguments {
-    #[command(flatten)]
-    pub tracks: TrackArguments,
-    /// Training cameras; further ones, a sixth of their number, calibrate error budgets
-    #[arg(long, value_name = "N", default_value_t = 96, value_parser = RangedU64ValueParser::<usize>::new().range(1..=100_000))]
-    pub training: usize,
-    /// Power threshold for dividing a node: watts, or a share of the power range
-    #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
-    pub power_threshold: PowerBudget,
-    /// Error threshold for dividing a node (1 − SSIM): a node is divided where either is exceeded
-    /// and the division lowers the cost
-    #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
-    pub error_threshold: f64,
-    /// Greatest number of octree levels
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(0..=6))]
-    pub levels: u8,
-    /// Seed of every random choice
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Time limit, after which the best map so far is written: 90s, 10m, 1h
-    #[arg(long, value_name = "TIME", value_parser = duration)]
-    pub time_limit: Option<Duration>,
-}
-
 /// Watts, or a share of the range of power.
 fn threshold(text: &str) -> Result<PowerBudget, String> {
     PowerBudget::read(text)
@@ -92,7 +78,7 @@ fn threshold(text: &str) -> Result<PowerBudget, String> {
 }
 
 /// `0/4`.
-pub(super) fn shard(text: &str) -> Result<(usize, usize), String> {
+fn shard(text: &str) -> Result<(usize, usize), String> {
     let parts = text
         .split_once('/')
         .and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
@@ -102,7 +88,7 @@ pub(super) fn shard(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
-impl SearchArguments {
+impl Arguments {
     pub(super) fn check(&self) -> Result<(), CliError> {
         if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
             return Err(CliError::usage(format!(
@@ -123,15 +109,10 @@ impl SearchArguments {
         }
         config
     }
-}
 
-impl TrackArguments {
     /// Tracks of the scene's paths and of recordings.
-    pub(super) fn tracks(
-        &self,
-        scene: &StagedScene,
-        fps: f64,
-    ) -> Result<Vec<Vec<TrackSample>>, CliError> {
+    pub(super) fn tracks(&self, scene: &StagedScene) -> Result<Vec<Vec<TrackSample>>, CliError> {
+        let fps = self.capture.image.fps;
         if !(fps > 0.0 && fps <= FASTEST) {
             return Err(CliError::usage(format!(
                 "a frame rate of {fps}: must be above 0 and at most {FASTEST}"
