@@ -246,7 +246,7 @@ fn outputs(
         let renderer = &mut stage.processes[0];
         let kept = with_progress(|on_frame| pictures(renderer, path, result, &numbers, on_frame))
             .map_err(CliError::failed)?;
-        write_report(folder, &evaluation_report(result, &kept)?)?;
+        write_report(folder, &evaluation_report(result, &kept).map_err(CliError::failed)?)?;
     }
     Ok(())
 }

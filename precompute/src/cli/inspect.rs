@@ -85,7 +85,8 @@ fn summarise(arguments: &Arguments) -> Result<(), CliError> {
         write(path, file.as_bytes())?;
     }
     if let Some(folder) = &arguments.report {
-        write_report(folder, &map_report(&map, &[("file", arguments.map.display().to_string())])?)?;
+        let file = ("file", arguments.map.display().to_string());
+        write_report(folder, &map_report(&map, &[file]).map_err(CliError::failed)?)?;
     }
     Ok(())
 }

@@ -26,7 +26,6 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use frugal_search::files::FileError;
 
-use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::stage::RemoteError;
 
@@ -167,12 +166,6 @@ impl From<RemoteError> for CliError {
 
 impl From<FileError> for CliError {
     fn from(error: FileError) -> Self {
-        Self::failed(error)
-    }
-}
-
-impl From<ReportError> for CliError {
-    fn from(error: ReportError) -> Self {
         Self::failed(error)
     }
 }

@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
-use super::{Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, percent};
+use super::{Axis, Color, Curve, Fact, Plot, Report, percent};
 use crate::control_log::{CameraLog, changes};
 
 /// Most points of a curve; a longer log is averaged.
@@ -12,10 +12,10 @@ const MOST_POINTS: usize = 1000;
 ///
 /// # Errors
 /// When a plot fails.
-pub(crate) fn control_log_report(name: &str, logs: &[CameraLog]) -> Result<String, ReportError> {
+pub(crate) fn control_log_report(name: &str, logs: &[CameraLog]) -> Result<String, String> {
     let mut report = Report::new(&format!("Budgets of an app: {name}"));
     for log in logs {
-        report.section(section(log)?);
+        section(&mut report, log)?;
     }
     Ok(report.render())
 }
@@ -74,9 +74,9 @@ pub(crate) fn facts(log: &CameraLog) -> Vec<Fact> {
     facts
 }
 
-fn section(log: &CameraLog) -> Result<Section, ReportError> {
-    let mut section = Section::new(&heading(log));
-    section.facts(&facts(log));
+fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
+    report.section(&heading(log));
+    report.facts(&facts(log));
     let plot = |label: &'static str, axis: Axis<'_>, curves: Vec<Curve>| {
         let plot = Plot { label, curves: &curves, ..Plot::default() };
         (!curves.is_empty()).then(|| Ok((label, plot.svg([Axis::TIME, axis])?)))
@@ -102,18 +102,18 @@ fn section(log: &CameraLog) -> Result<Section, ReportError> {
         plot("Error", Axis::ERROR, error.collect()),
         plot("Frame time", Axis::linear("frame, ms"), frame.collect()),
     ];
-    let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, ReportError>>()?;
+    let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, String>>()?;
     if !plots.is_empty() {
-        section.legend([
+        report.legend([
             ("predicted; mean frame", Color::BLUE),
             ("budget", Color::RED),
             ("metered, measured; longest frame", Color::GREY),
         ]);
-        section.plots(&plots);
+        report.plots(&plots);
     }
     let knobs = changes(&log.samples);
     if knobs.is_empty() {
-        section.paragraph("No knob changed.");
+        report.paragraph("No knob changed.");
     } else {
         let rows: Vec<Vec<String>> = knobs
             .iter()
@@ -125,9 +125,9 @@ fn section(log: &CameraLog) -> Result<Section, ReportError> {
                 vec![knob.name.clone(), knob.changes.to_string(), levels.join(", ")]
             })
             .collect();
-        section.table("Knobs that changed", &["knob", "changes", "levels, share of time"], &rows);
+        report.table("Knobs that changed", &["knob", "changes", "levels, share of time"], &rows);
     }
-    Ok(section)
+    Ok(())
 }
 
 /// A value over time; `None` where no sample has it.

@@ -6,7 +6,7 @@ use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
 use crate::evaluate::{TABLE_HEADERS, headline, notes, table_row};
 
-use super::{Axis, Color, Curve, Mark, Plot, Report, ReportError, Section, provenance};
+use super::{Axis, Color, Curve, Mark, Plot, Report, provenance};
 
 /// A page on `result`, with `pictures` of frames and their captions.
 ///
@@ -15,33 +15,29 @@ use super::{Axis, Color, Curve, Mark, Plot, Report, ReportError, Section, proven
 pub(crate) fn evaluation_report(
     result: &EvaluationResult,
     pictures: &[(String, Picture)],
-) -> Result<String, ReportError> {
-    let mut section =
-        Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
-    section.paragraph(&headline(result));
-    section.paragraph(&format!(
+) -> Result<String, String> {
+    let mut report =
+        Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
+    report.section(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
+    report.paragraph(&headline(result));
+    report.paragraph(&format!(
         "{} Watts are power at the target frame rate. Error is 1 − SSIM of a frame against the same frame at the highest settings: 0 is equal.",
         provenance(&result.meter)
     ));
-    result.warnings.iter().for_each(|warning| {
-        section.warning(warning);
-    });
+    result.warnings.iter().for_each(|warning| report.warning(warning));
     let is_drawn = |name: &&str| result.runs.iter().any(|run| run.name == **name);
     let drawn = OVER_TIME.iter().copied().filter(is_drawn);
-    section.legend(drawn.map(|name| (name, color(name))).chain(limit_entry(result)));
-    section.plots(&plots(result)?);
+    report.legend(drawn.map(|name| (name, color(name))).chain(limit_entry(result)));
+    report.plots(&plots(result)?);
     let (headers, rows) = table(result);
-    section.table("Every run played the same frames.", &headers, &rows);
+    report.table("Every run played the same frames.", &headers, &rows);
     for note in notes(result) {
-        section.paragraph(&note);
+        report.paragraph(&note);
     }
     if !pictures.is_empty() {
-        section.heading("The same frames under each");
-        section.pictures(pictures)?;
+        report.heading("The same frames under each");
+        report.pictures(pictures)?;
     }
-    let mut report =
-        Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
-    report.section(section);
     Ok(report.render())
 }
 
@@ -57,7 +53,7 @@ fn color(run: &str) -> Color {
     OVER_TIME.iter().position(|name| *name == run).map_or(Color::GREY, |at| Color::SERIES[at])
 }
 
-fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, ReportError> {
+fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, String> {
     let budget = &result.budget;
     let marks: Vec<Mark> = result
         .runs
@@ -87,7 +83,7 @@ fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, Repor
         });
         drawn.filter(|curve| !curve.points.is_empty()).collect()
     };
-    let mut add = |label, curves: Vec<Curve>, limit, axis| -> Result<(), ReportError> {
+    let mut add = |label, curves: Vec<Curve>, limit, axis| -> Result<(), String> {
         if !curves.is_empty() {
             let plot = Plot { label, curves: &curves, limit, ..Plot::default() };
             plots.push((label, plot.svg([Axis::TIME, axis])?));

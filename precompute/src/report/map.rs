@@ -5,9 +5,7 @@ use glam::Vec3;
 
 use crate::inspect::{Gain, gain};
 
-use super::{
-    Axis, Color, Curve, Fact, Plot, Report, ReportError, Section, knob_table, provenance, staircase,
-};
+use super::{Axis, Color, Curve, Fact, Plot, Report, knob_table, provenance, staircase};
 
 /// Number of frontiers shown in full: the largest, the middle one, and the smallest.
 const SHOWN: usize = 3;
@@ -18,9 +16,10 @@ const ROWS: usize = 30;
 ///
 /// # Errors
 /// When plotting fails.
-pub(crate) fn map_report(map: &FrontierMap, facts: &[Fact]) -> Result<String, ReportError> {
+pub(crate) fn map_report(map: &FrontierMap, facts: &[Fact]) -> Result<String, String> {
     let mut report = Report::new(&format!("Frontier map of {}", map.scene.name));
-    report.facts(facts).section(map_section(map)?);
+    report.facts(facts);
+    map_section(&mut report, map)?;
     Ok(report.render())
 }
 
@@ -28,15 +27,15 @@ pub(crate) fn map_report(map: &FrontierMap, facts: &[Fact]) -> Result<String, Re
 ///
 /// # Errors
 /// When plotting fails.
-pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
+pub(crate) fn map_section(report: &mut Report, map: &FrontierMap) -> Result<(), String> {
     let octree = &map.octree;
-    let mut section = Section::new(&format!("{}: the frontier map", map.scene.name));
-    section.paragraph(&format!(
+    report.section(&format!("{}: the frontier map", map.scene.name));
+    report.paragraph(&format!(
         "At every corner of the octree's leaves and for each of six views the map holds a Pareto frontier: the settings that are non-dominated in \
          power and error. {}",
         provenance(&map.meter)
     ));
-    section.facts(&map_facts(map));
+    report.facts(&map_facts(map));
     let mut shown: Vec<(usize, &Frontier)> =
         octree.frontiers.iter().enumerate().filter(|(_, frontier)| !frontier.is_empty()).collect();
     shown.sort_by_key(|(index, frontier)| (std::cmp::Reverse(frontier.points().len()), *index));
@@ -55,25 +54,25 @@ pub(crate) fn map_section(map: &FrontierMap) -> Result<Section, ReportError> {
         .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
         .collect();
     let frontiers = Plot { label: "Some frontiers", curves: &lines, ..Plot::default() };
-    section.plots(&[(
+    report.plots(&[(
         "The largest, the middle and the smallest frontier",
         frontiers.svg([Axis::POWER, Axis::ERROR])?,
     )]);
-    section
+    report
         .legend(names.iter().enumerate().map(|(rank, name)| (name.as_str(), Color::SERIES[rank])));
     for ((_, frontier), name) in shown.iter().zip(&names) {
-        section.heading(name);
+        report.heading(name);
         let points = &frontier.points()[..frontier.points().len().min(ROWS)];
         let (headers, rows, shared) = knob_table(&map.knobs, points);
-        section.table("Cheapest first", &headers, &rows);
+        report.table("Cheapest first", &headers, &rows);
         if frontier.points().len() > ROWS {
-            section.paragraph(&format!("… and {} more.", frontier.points().len() - ROWS));
+            report.paragraph(&format!("… and {} more.", frontier.points().len() - ROWS));
         }
         if !shared.is_empty() {
-            section.paragraph(&format!("All of these have {shared}."));
+            report.paragraph(&format!("All of these have {shared}."));
         }
     }
-    Ok(section)
+    Ok(())
 }
 
 /// What a map holds, by name.

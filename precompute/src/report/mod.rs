@@ -1,14 +1,13 @@
 //! Reports: one self-contained HTML file each, with embedded plots and images, for light and dark
 //! mode and for phones.
 //!
-//! A [`Report`] is a title and [`Section`]s. The commands' own reports are one section each; a page
-//! may have several.
+//! A [`Report`] is a title and sections.
 //!
 //! | part | job |
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
 //! | `plan` | a scene from above, as SVG |
-//! | `plot` | SVG plots: curves and names over linear or logarithmic axes; bars |
+//! | `plot` | SVG plots: curves and names over linear or logarithmic axes |
 //! | `evaluation` | `frugal evaluate` |
 //! | `map` | `frugal inspect` |
 //! | `search` | `frugal precompute`: cameras, error at equal power, influence of knobs, calibration, effort |
@@ -30,21 +29,9 @@ pub(crate) use control_log::{
 };
 pub(crate) use evaluation::evaluation_report;
 pub(crate) use map::{map_facts, map_report, map_section};
-pub(crate) use page::{Report, Section};
-pub(crate) use plot::{Axis, Bar, Color, Curve, Mark, Plot, bars, escape, staircase};
+pub(crate) use page::Report;
+use plot::{Axis, Color, Curve, Mark, Plot, escape, staircase};
 pub(crate) use search::{SearchSummary, search_facts, search_section};
-
-/// Why a report could not be made.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum ReportError {
-    /// A plot could not be drawn.
-    #[error("a plot could not be drawn: {0}")]
-    Plot(String),
-    /// An image could not be encoded.
-    #[error(transparent)]
-    Picture(#[from] frugal_trace::metrics::PictureError),
-}
 
 /// A name and a value.
 pub(crate) type Fact = (&'static str, String);

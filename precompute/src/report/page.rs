@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use frugal_trace::metrics::Picture;
 
-use super::{Color, Fact, ReportError, escape};
+use super::{Color, Fact, escape};
 
 /// Light and dark mode by the reader's preference; one column on a phone; wide elements scroll.
 const STYLE: &str = include_str!("style.css");
@@ -26,27 +26,24 @@ impl Report {
         Self { title: title.to_owned(), body: String::new(), contents: Vec::new() }
     }
 
-    /// Names and values before the next section: the machine, the date, the device.
-    pub(crate) fn facts(&mut self, facts: &[Fact]) -> &mut Self {
-        self.body.push_str(&facts_html(facts));
-        self
+    /// Begins the next section.
+    pub(crate) fn section(&mut self, heading: &str) {
+        self.end_section();
+        let heading = escape(heading);
+        let number = self.contents.len() + 1;
+        let _ = writeln!(self.body, "<section id=\"s{number}\">\n<h2>{heading}</h2>");
+        self.contents.push(heading);
     }
 
-    /// The next section.
-    pub(crate) fn section(&mut self, section: Section) -> &mut Self {
-        let number = self.contents.len() + 1;
-        let heading = escape(&section.heading);
-        let _ = writeln!(
-            self.body,
-            "<section id=\"s{number}\">\n<h2>{heading}</h2>\n{}</section>",
-            section.body
-        );
-        self.contents.push(heading);
-        self
+    fn end_section(&mut self) {
+        if !self.contents.is_empty() {
+            self.body.push_str("</section>\n");
+        }
     }
 
     /// The HTML file. With more than one section it starts with a list of them.
-    pub(crate) fn render(&self) -> String {
+    pub(crate) fn render(mut self) -> String {
+        self.end_section();
         let title = escape(&self.title);
         let mut contents = String::new();
         if self.contents.len() > 1 {
@@ -63,44 +60,31 @@ impl Report {
             self.body
         )
     }
-}
-
-/// Part of a page, under one heading.
-#[derive(Clone, Debug)]
-pub(crate) struct Section {
-    heading: String,
-    body: String,
-}
-
-impl Section {
-    /// An empty section.
-    pub(crate) fn new(heading: &str) -> Self {
-        Self { heading: heading.to_owned(), body: String::new() }
-    }
 
     /// A subheading.
-    pub(crate) fn heading(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn heading(&mut self, text: &str) {
         let _ = writeln!(self.body, "<h3>{}</h3>", escape(text));
-        self
     }
 
     /// A paragraph.
-    pub(crate) fn paragraph(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn paragraph(&mut self, text: &str) {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
-        self
     }
 
     /// A highlighted paragraph.
-    pub(crate) fn warning(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn warning(&mut self, text: &str) {
         let _ =
             writeln!(self.body, "<p class=\"warning\"><strong>Note:</strong> {}</p>", escape(text));
-        self
     }
 
     /// Names and values.
-    pub(crate) fn facts(&mut self, facts: &[Fact]) -> &mut Self {
-        self.body.push_str(&facts_html(facts));
-        self
+    pub(crate) fn facts(&mut self, facts: &[Fact]) {
+        self.body.push_str("<dl>\n");
+        for (name, value) in facts {
+            let (name, value) = (escape(name), escape(value));
+            let _ = writeln!(self.body, "<div><dt>{name}</dt><dd>{value}</dd></div>");
+        }
+        self.body.push_str("</dl>\n");
     }
 
     /// A table. Cells that are numbers are aligned to the right; the first column names the row.
@@ -109,7 +93,7 @@ impl Section {
         caption: &str,
         headers: &[S],
         rows: &[Vec<String>],
-    ) -> &mut Self {
+    ) {
         let numeric = |text: &str| text.parse::<f64>().is_ok();
         let is_number = |column: usize| {
             !rows.is_empty()
@@ -134,12 +118,11 @@ impl Section {
             self.body.push_str("</tr>\n");
         }
         self.body.push_str("</tbody></table></div>\n");
-        self
     }
 
     /// Plots side by side where there is room: a caption and the SVG of each, as drawn by the
     /// functions of this module. The SVG is embedded unescaped.
-    pub(crate) fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
+    pub(crate) fn plots(&mut self, plots: &[(&str, String)]) {
         self.body.push_str("<div class=\"plots\">\n");
         for (caption, svg) in plots {
             let _ = writeln!(
@@ -149,14 +132,10 @@ impl Section {
             );
         }
         self.body.push_str("</div>\n");
-        self
     }
 
     /// A legend of colours.
-    pub(crate) fn legend<'a>(
-        &mut self,
-        entries: impl IntoIterator<Item = (&'a str, Color)>,
-    ) -> &mut Self {
+    pub(crate) fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, Color)>) {
         self.body.push_str("<ul class=\"legend\">\n");
         for (name, color) in entries {
             let _ = writeln!(
@@ -167,40 +146,27 @@ impl Section {
             );
         }
         self.body.push_str("</ul>\n");
-        self
     }
 
     /// Images with captions, inside the page as PNG.
     ///
     /// # Errors
-    /// When one cannot be encoded; the section then lacks all of them.
-    pub(crate) fn pictures(
-        &mut self,
-        pictures: &[(String, Picture)],
-    ) -> Result<&mut Self, ReportError> {
-        let mut html = String::from("<div class=\"pictures\">\n");
+    /// When one cannot be encoded.
+    pub(crate) fn pictures(&mut self, pictures: &[(String, Picture)]) -> Result<(), String> {
+        self.body.push_str("<div class=\"pictures\">\n");
         for (caption, picture) in pictures {
-            let (caption, data) = (escape(caption), STANDARD.encode(picture.to_png()?));
+            let png = picture.to_png().map_err(|error| error.to_string())?;
+            let (caption, data) = (escape(caption), STANDARD.encode(png));
             let (width, height) = (picture.width, picture.height);
             let _ = writeln!(
-                html,
+                self.body,
                 "<figure><img alt=\"{caption}\" width=\"{width}\" height=\"{height}\" src=\"data:image/png;base64,{data}\">\
                  <figcaption>{caption}</figcaption></figure>"
             );
         }
-        self.body.push_str(&html);
         self.body.push_str("</div>\n");
-        Ok(self)
+        Ok(())
     }
-}
-
-fn facts_html(facts: &[Fact]) -> String {
-    let mut html = String::from("<dl>\n");
-    for (name, value) in facts {
-        let _ = writeln!(html, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
-    }
-    html.push_str("</dl>\n");
-    html
 }
 
 #[cfg(test)]
@@ -211,12 +177,16 @@ mod tests {
 
     #[test]
     fn texts_are_escaped() {
-        let mut section = Section::new(NASTY);
-        section.heading(NASTY).paragraph(NASTY).warning(NASTY).facts(&[(NASTY, NASTY.into())]);
-        section.table(NASTY, &[NASTY], &[vec![NASTY.into()]]).legend([(NASTY, Color::BLUE)]);
-        section.pictures(&[(NASTY.into(), Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let mut report = Report::new(NASTY);
-        report.facts(&[(NASTY, NASTY.into())]).section(section);
+        report.facts(&[(NASTY, NASTY.into())]);
+        report.section(NASTY);
+        report.heading(NASTY);
+        report.paragraph(NASTY);
+        report.warning(NASTY);
+        report.facts(&[(NASTY, NASTY.into())]);
+        report.table(NASTY, &[NASTY], &[vec![NASTY.into()]]);
+        report.legend([(NASTY, Color::BLUE)]);
+        report.pictures(&[(NASTY.into(), Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let html = report.render();
         assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
         assert_eq!(
@@ -228,9 +198,9 @@ mod tests {
     #[test]
     fn the_page_is_self_contained() {
         let mut report = Report::new("Report");
-        let mut section = Section::new("Images");
-        section.pictures(&[("grey".into(), Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
-        report.section(section).section(Section::new("Second"));
+        report.section("Images");
+        report.pictures(&[("grey".into(), Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
+        report.section("Second");
         let html = report.render();
         assert!(
             html.starts_with("<!doctype html>")
@@ -244,20 +214,21 @@ mod tests {
                 && !html.contains("<link")
         );
         assert!(html.contains("<a href=\"#s2\">Second</a>"), "several sections get a list");
+        assert_eq!((html.matches("<section").count(), html.matches("</section>").count()), (2, 2));
         let data = html.split("base64,").nth(1).unwrap().split('"').next().unwrap();
         assert_eq!(Picture::from_png(&STANDARD.decode(data).unwrap()).unwrap().width, 3);
     }
 
     #[test]
     fn numbers_stand_to_the_right_and_words_to_the_left() {
-        let mut section = Section::new("Table");
-        section.table(
+        let mut report = Report::new("Table");
+        report.table(
             "t",
             &["run", "watts"],
             &[vec!["7".into(), "1.5".into()], vec!["max".into(), "-2".into()]],
         );
         assert!(
-            section.body.contains(
+            report.body.contains(
                 "<th scope=\"col\">run</th><th scope=\"col\" class=\"number\">watts</th>"
             )
         );
@@ -265,6 +236,6 @@ mod tests {
 
     #[test]
     fn an_empty_image_is_an_error() {
-        assert!(Section::new("").pictures(&[(String::new(), Picture::default())]).is_err());
+        assert!(Report::new("").pictures(&[(String::new(), Picture::default())]).is_err());
     }
 }

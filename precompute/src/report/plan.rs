@@ -20,37 +20,28 @@ impl Plan {
     /// Space around it for what lies on the border, pixels.
     const MARGIN: f64 = 12.0;
 
-    /// An empty plan of the box between two corners; `label` is for readers who do not see it. A box
+    /// A plan of the box between two corners, with its outline; `label` is for readers who do not see it. A box
     /// without extent, or with a corner that is not finite, is drawn as a point.
     pub(super) fn new(label: &str, low: impl Into<Vec3>, high: impl Into<Vec3>) -> Self {
         let [low, high] = [low.into(), high.into()].map(from_above);
         let size = [high[0] - low[0], high[1] - low[1]];
         let longer = size[0].max(size[1]);
         let scale = if longer > 0.0 && longer.is_finite() { Self::EDGE / longer } else { 0.0 };
-        let drawn = |size: f64| if scale > 0.0 { size.max(0.0) * scale } else { 0.0 };
-        let [width, height] = size.map(|size| drawn(size) + 2.0 * Self::MARGIN);
-        let label = escape(label);
+        let drawn = size.map(|size| if scale > 0.0 { size.max(0.0) * scale } else { 0.0 });
+        let [width, height] = drawn.map(|size| size + 2.0 * Self::MARGIN);
+        let (label, margin, [across, down]) = (escape(label), Self::MARGIN, drawn);
         let svg = format!(
-            "<svg role=\"img\" aria-label=\"{label}\" viewBox=\"0 0 {width:.1} {height:.1}\" style=\"max-width:{width:.0}px\">\n"
+            "<svg role=\"img\" aria-label=\"{label}\" viewBox=\"0 0 {width:.1} {height:.1}\" style=\"max-width:{width:.0}px\">\n\
+             <rect x=\"{margin:.1}\" y=\"{margin:.1}\" width=\"{across:.1}\" height=\"{down:.1}\" fill=\"none\" stroke=\"currentColor\" opacity=\"0.35\"/>\n"
         );
         Self { svg, low, scale }
     }
 
-    fn at(&self, position: impl Into<Vec3>) -> [f64; 2] {
-        let [x, z] = from_above(position.into());
+    fn at(&self, position: Vec3) -> [f64; 2] {
+        let [x, z] = from_above(position);
         let along =
             |at: f64, low: f64| if self.scale > 0.0 { (at - low) * self.scale } else { 0.0 };
         [along(x, self.low[0]), along(z, self.low[1])].map(|pixels| Self::MARGIN + pixels)
-    }
-
-    /// A rectangle between two corners.
-    pub(super) fn outline(&mut self, low: impl Into<Vec3>, high: impl Into<Vec3>) {
-        let ([x, y], [right, bottom]) = (self.at(low), self.at(high));
-        let (width, height) = (right - x, bottom - y);
-        let _ = writeln!(
-            self.svg,
-            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"none\" stroke=\"currentColor\" opacity=\"0.35\"/>"
-        );
     }
 
     /// A circle.
@@ -63,15 +54,15 @@ impl Plan {
     }
 
     /// A wedge that points along `forward`.
-    pub(super) fn wedge(&mut self, position: Vec3, forward: Vec3, color: Color) {
+    pub(super) fn wedge(&mut self, position: Vec3, forward: Vec3) {
         let [x, y] = self.at(position);
         let angle = f64::from(forward.z).atan2(f64::from(forward.x));
         let corners = [(0.0, 9.0), (2.5, 5.0), (-2.5, 5.0)].map(|(turn, length): (f64, f64)| {
             let (sin, cos) = (angle + turn).sin_cos();
             format!("{:.1} {:.1}", x + length * cos, y + length * sin)
         });
-        let _ =
-            writeln!(self.svg, "<path d=\"M{}Z\" fill=\"{}\"/>", corners.join("L"), color.css());
+        let (corners, color) = (corners.join("L"), Color::BLUE.css());
+        let _ = writeln!(self.svg, "<path d=\"M{corners}Z\" fill=\"{color}\"/>");
     }
 
     /// The SVG.
@@ -93,9 +84,8 @@ mod tests {
     fn a_plan_is_true_to_scale() {
         let (low, high) = (Vec3::new(-8.0, 0.5, -4.0), Vec3::new(8.0, 6.0, 4.0));
         let mut plan = Plan::new("a <plan>", low, high);
-        plan.outline(low, high);
         plan.ring(high);
-        plan.wedge(Vec3::ZERO, Vec3::X, Color::GREY);
+        plan.wedge(Vec3::ZERO, Vec3::X);
         let svg = plan.finish();
         for part in [
             "aria-label=\"a &lt;plan&gt;\"",

@@ -7,17 +7,12 @@
 use std::ops::Range;
 
 use frugal_core::frontier::Frontier;
-use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
 use plotters::coord::combinators::BindKeyPoints;
-use plotters::coord::ranged1d::{
-    AsRangedCoord, IntoSegmentedCoord, Ranged, SegmentValue, ValueFormatter,
-};
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::Color as _;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use super::ReportError;
 
 /// Width and height of a plot, in its own pixels; pages scale it.
 const SIZE: (u32, u32) = (560, 320);
@@ -119,17 +114,6 @@ pub(crate) struct Plot<'a> {
     pub limit: Option<f64>,
 }
 
-/// One bar.
-#[derive(Clone, Debug)]
-pub(crate) struct Bar {
-    /// Label.
-    pub name: String,
-    /// Its length, 0 or more.
-    pub value: f64,
-    /// Its colour.
-    pub color: Color,
-}
-
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// A frontier as a step function, power against error: no settings below or left of it were found.
@@ -149,7 +133,7 @@ impl Plot<'_> {
     ///
     /// # Errors
     /// When plotting fails.
-    pub(crate) fn svg(&self, axes: [Axis<'_>; 2]) -> Result<String, ReportError> {
+    pub(crate) fn svg(&self, axes: [Axis<'_>; 2]) -> Result<String, String> {
         let all = || {
             let curves = self.curves.iter().flat_map(|curve| &curve.points);
             curves.copied().chain(self.marks.iter().map(|mark| mark.at))
@@ -159,12 +143,22 @@ impl Plot<'_> {
         let ys = axis_range(all().map(|point| point.1).chain(limit), axes[1].is_log, true);
         let (x_range, y_range) = (xs.0..xs.1, ys.0..ys.1);
         let log = |range: &Range<f64>| range.clone().log_scale().with_key_points(ticks(range));
-        draw(self.label, |area| match axes.map(|axis| axis.is_log) {
-            [false, false] => self.paint(area, axes, x_range, y_range),
-            [false, true] => self.paint(area, axes, x_range, log(&y_range)),
-            [true, false] => self.paint(area, axes, log(&x_range), y_range),
-            [true, true] => self.paint(area, axes, log(&x_range), log(&y_range)),
-        })
+        let mut svg = String::new();
+        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        match axes.map(|axis| axis.is_log) {
+            [false, false] => self.paint(&area, axes, x_range, y_range),
+            [false, true] => self.paint(&area, axes, x_range, log(&y_range)),
+            [true, false] => self.paint(&area, axes, log(&x_range), y_range),
+            [true, true] => self.paint(&area, axes, log(&x_range), log(&y_range)),
+        }?;
+        area.present().map_err(failed)?;
+        drop(area);
+        // Black stands for the page's text colour. Texts inside the drawing cannot contain the quotes
+        // of the pattern.
+        let svg = svg.replace("=\"#000000\"", "=\"currentColor\"");
+        let svg = svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
+        let label = escape(self.label);
+        Ok(svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{label}\" "), 1))
     }
 
     fn paint<X, Y>(
@@ -173,14 +167,26 @@ impl Plot<'_> {
         [x, y]: [Axis<'_>; 2],
         xs: X,
         ys: Y,
-    ) -> Result<(), ReportError>
+    ) -> Result<(), String>
     where
         X: AsRangedCoord<Value = f64, CoordDescType: ValueFormatter<f64>>,
         Y: AsRangedCoord<Value = f64, CoordDescType: ValueFormatter<f64>>,
     {
-        let mut chart = chart(area, 72).build_cartesian_2d(xs, ys).map_err(failed)?;
-        let mut mesh = chart.configure_mesh();
-        quiet(&mut mesh)
+        let mut chart = ChartBuilder::on(area)
+            .margin(8)
+            .margin_right(18)
+            .x_label_area_size(46)
+            .y_label_area_size(72)
+            .build_cartesian_2d(xs, ys)
+            .map_err(failed)?;
+        let text = || FONT.into_font().color(&BLACK);
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
+            .axis_style(BLACK.mix(0.5))
+            .label_style(text())
+            .axis_desc_style(text())
             .x_labels(7)
             .y_labels(6)
             .x_label_formatter(&|value| short(*value))
@@ -258,96 +264,8 @@ fn short(value: f64) -> String {
     format!("{}", format!("{value:.3e}").parse::<f64>().unwrap_or(value))
 }
 
-/// Horizontal bars from top to bottom, each with its value at its end.
-///
-/// # Errors
-/// When plotting fails.
-pub(crate) fn bars(
-    label: &str,
-    axis: &str,
-    bars: &[Bar],
-    decimals: usize,
-) -> Result<String, ReportError> {
-    let count = bars.len().max(1);
-    let (low, high) = range(bars.iter().map(|bar| bar.value).chain([0.0]), true);
-    // Room for the value at the end of the longest bar.
-    let high = high + 0.14 * (high - low);
-    let name = |row: &SegmentValue<usize>| match row {
-        SegmentValue::CenterOf(row) => count
-            .checked_sub(row + 1)
-            .and_then(|bar| bars.get(bar))
-            .map_or(String::new(), |bar| bar.name.clone()),
-        _ => String::new(),
-    };
-    draw(label, |area| {
-        // Both ends of the range are rows.
-        let mut chart = chart(area, 196)
-            .build_cartesian_2d(low..high, (0..count - 1).into_segmented())
-            .map_err(failed)?;
-        let mut mesh = chart.configure_mesh();
-        quiet(&mut mesh)
-            .disable_y_mesh()
-            .x_labels(6)
-            .y_labels(count)
-            .x_desc(axis)
-            .y_label_formatter(&name)
-            .draw()
-            .map_err(failed)?;
-        for (index, bar) in bars.iter().enumerate().filter(|(_, bar)| bar.value.is_finite()) {
-            let row = count - 1 - index;
-            let above = if index == 0 { SegmentValue::Last } else { SegmentValue::Exact(row + 1) };
-            let ends = [(0.0, SegmentValue::Exact(row)), (bar.value, above)];
-            let mut body = Rectangle::new(ends, bar.color.rgb().filled());
-            body.set_margin(6, 6, 0, 0);
-            let middle = (bar.value, SegmentValue::CenterOf(row));
-            let value = format!("{:.decimals$}", bar.value);
-            let text = EmptyElement::at(middle)
-                + Text::new(value, (6, -7), FONT.into_font().color(&BLACK));
-            chart.draw_series([body]).map_err(failed)?;
-            chart.draw_series([text]).map_err(failed)?;
-        }
-        Ok(())
-    })
-}
-
-fn draw(
-    label: &str,
-    paint: impl FnOnce(&Area<'_>) -> Result<(), ReportError>,
-) -> Result<String, ReportError> {
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-    paint(&area)?;
-    area.present().map_err(failed)?;
-    drop(area);
-    // Black stands for the page's text colour. Texts inside the drawing cannot contain the quotes
-    // of the pattern.
-    let svg = svg.replace("=\"#000000\"", "=\"currentColor\"").replacen(
-        " xmlns=\"http://www.w3.org/2000/svg\"",
-        "",
-        1,
-    );
-    Ok(svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{}\" ", escape(label)), 1))
-}
-
-/// Thin axes and lines, in the page's own colour.
-fn quiet<'m, 'a, 'b, 'c, X: Ranged, Y: Ranged>(
-    mesh: &'m mut MeshStyle<'a, 'b, X, Y, SVGBackend<'c>>,
-) -> &'m mut MeshStyle<'a, 'b, X, Y, SVGBackend<'c>> {
-    mesh.light_line_style(TRANSPARENT)
-        .bold_line_style(BLACK.mix(0.12))
-        .axis_style(BLACK.mix(0.5))
-        .label_style(FONT.into_font().color(&BLACK))
-        .axis_desc_style(FONT.into_font().color(&BLACK))
-}
-
-fn chart<'a, 'b>(area: &'b Area<'a>, left: u32) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
-    let mut builder = ChartBuilder::on(area);
-    builder.margin(8).margin_right(18).x_label_area_size(46).y_label_area_size(left);
-    builder
-}
-
-fn failed(error: impl std::fmt::Display) -> ReportError {
-    ReportError::Plot(error.to_string())
+fn failed(error: impl std::fmt::Display) -> String {
+    format!("a plot could not be drawn: {error}")
 }
 
 /// A range of all finite values with a margin, never empty; from 0 if `from_zero`.
@@ -426,7 +344,6 @@ mod tests {
     #[test]
     fn plots_are_complete_use_the_page_s_colour_and_leave_out_invalid_values() {
         let odd = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (1.0, 1.0), (1.0, 1.0), (2.0, 0.5)];
-        let bar = |value| Bar { name: "<a & b>".into(), value, color: Color::GREY };
         let curves = [Curve { color: Color::BLUE, width: 2, points: odd.to_vec() }];
         let mark = |at| Mark { name: "<a & b>".into(), at, color: Color::GREY };
         let marks = [odd[0], (0.0, 0.0), (2.0, 1.0), (-1.0, 1e300)].map(mark);
@@ -434,10 +351,7 @@ mod tests {
         let full = Plot { curves: &curves, marks: &marks, limit: Some(0.7), ..plain };
         let wild = Plot { limit: Some(f64::NAN), ..full };
         let linear = Axis::linear("x");
-        let mut drawings = vec![
-            bars("bars", "watts", &[bar(1.0), bar(f64::NAN), bar(0.0)], 2),
-            bars("bars", "watts", &[], 2),
-        ];
+        let mut drawings = Vec::new();
         for axes in
             [[linear; 2], [linear, Axis::ERROR], [Axis::POWER, linear], [Axis::POWER, Axis::ERROR]]
         {

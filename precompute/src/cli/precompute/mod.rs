@@ -43,8 +43,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {}", scene.name));
-        report.section(search_section(&searched)?);
-        report.section(map_section(&searched.map)?);
+        search_section(&mut report, &searched)
+            .and_then(|()| map_section(&mut report, &searched.map))
+            .map_err(CliError::failed)?;
         write_report(folder, &report.render())?;
     }
     // The run is complete: its journal is not needed, but other shards read a shard's.
