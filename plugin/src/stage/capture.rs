@@ -1,5 +1,7 @@
 //! Read-back of images from the GPU.
 
+use std::fmt::Display;
+
 use bevy::asset::Handle;
 use bevy::ecs::world::World;
 use bevy::image::Image;
@@ -41,16 +43,16 @@ fn read(
     target: &Handle<Image>,
     texel_bytes: u32,
 ) -> Result<((u32, u32), Vec<u8>), StageError> {
-    let fail = |problem: &str| StageError::ReadBack(problem.to_owned());
+    let fail = |problem: &dyn Display| StageError::ReadBack(problem.to_string());
     let image = world
         .resource::<RenderAssets<GpuImage>>()
         .get(target)
-        .ok_or_else(|| fail("there is no image yet"))?;
+        .ok_or_else(|| fail(&"there is no image yet"))?;
     let texture: &Texture = &image.texture;
     let bytes_of_format =
-        texture.format().block_copy_size(None).ok_or_else(|| fail("an unreadable format"))?;
+        texture.format().block_copy_size(None).ok_or_else(|| fail(&"an unreadable format"))?;
     if bytes_of_format != texel_bytes {
-        return Err(fail("the stage was opened for another kind of image"));
+        return Err(fail(&"the stage was opened for another kind of image"));
     }
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     let size = texture.size();
@@ -81,13 +83,8 @@ fn read(
     let (sender, receiver) = std::sync::mpsc::channel();
     let slice = buffer.slice(..);
     slice.map_async(MapMode::Read, move |result| drop(sender.send(result)));
-    device
-        .poll(PollType::wait_indefinitely())
-        .map_err(|error| StageError::ReadBack(error.to_string()))?;
-    receiver
-        .recv()
-        .map_err(|error| StageError::ReadBack(error.to_string()))?
-        .map_err(|error| StageError::ReadBack(error.to_string()))?;
+    device.poll(PollType::wait_indefinitely()).map_err(|error| fail(&error))?;
+    receiver.recv().map_err(|error| fail(&error))?.map_err(|error| fail(&error))?;
     let mapped = slice.get_mapped_range();
     let texels = mapped
         .chunks_exact(padded as usize)

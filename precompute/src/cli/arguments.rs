@@ -22,7 +22,7 @@ pub(super) struct ImageArguments {
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub size: UVec2,
     /// Frame rate, to which watts refer
-    #[arg(long, value_name = "N", default_value_t = 30.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", default_value = "30", value_parser = frame_rate, allow_hyphen_values = true)]
     pub fps: f64,
     /// Knobs to use, by name; default: all that affect the scene
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
@@ -210,6 +210,12 @@ pub(super) fn size(text: &str) -> Result<UVec2, String> {
         (Some(width), Some(height)) => Ok(UVec2::new(width, height)),
         _ => Err("width and height must be whole numbers from 1 to 8192".to_owned()),
     }
+}
+
+/// Frames per second.
+pub(super) fn frame_rate(text: &str) -> Result<f64, String> {
+    let rate = text.trim().parse().ok().filter(|rate: &f64| *rate > 0.0 && *rate <= 1000.0);
+    rate.ok_or_else(|| "a frame rate is a number above 0 and at most 1000".to_owned())
 }
 
 /// `1.5,2,-3`.

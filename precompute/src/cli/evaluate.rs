@@ -38,10 +38,10 @@ pub(super) struct Arguments {
     /// Power budget in watts, or as a percentage between the power of the cheapest and of the best
     /// settings. One of each kind is one budget; several are one budget each
     #[arg(long, value_name = "7W|60%", allow_hyphen_values = true)]
-    power_budget: Vec<String>,
+    power_budget: Vec<PowerBudget>,
     /// Budget of the mean error, 1 − SSIM
-    #[arg(long, value_name = "E", allow_hyphen_values = true)]
-    error_budget: Vec<String>,
+    #[arg(long, value_name = "E", value_parser = parse_error_budget, allow_hyphen_values = true)]
+    error_budget: Vec<f64>,
     /// What budgets are means over, in seconds; below 1, every frame keeps them. Default: as in an app, 30
     #[arg(long, value_name = "S", value_parser = horizon, allow_hyphen_values = true)]
     horizon: Option<f64>,
@@ -124,23 +124,17 @@ impl Arguments {
     }
 
     fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
-        let horizon_s = self.horizon;
-        let power = |text: &String| text.parse::<PowerBudget>().map_err(CliError::usage);
-        let error = |text: &String| parse_error_budget(text).map_err(CliError::usage);
-        if let ([one], [other]) = (&self.power_budget[..], &self.error_budget[..]) {
-            return Ok(vec![BudgetRequest {
-                power: Some(power(one)?),
-                error: Some(error(other)?),
-                horizon_s,
-            }]);
+        let of = |power: Option<&PowerBudget>, error: Option<&f64>| BudgetRequest {
+            power: power.copied(),
+            error: error.copied(),
+            horizon_s: self.horizon,
+        };
+        if let ([power], [error]) = (&self.power_budget[..], &self.error_budget[..]) {
+            return Ok(vec![of(Some(power), Some(error))]);
         }
-        let mut budgets = Vec::new();
-        for text in &self.power_budget {
-            budgets.push(BudgetRequest { power: Some(power(text)?), error: None, horizon_s });
-        }
-        for text in &self.error_budget {
-            budgets.push(BudgetRequest { power: None, error: Some(error(text)?), horizon_s });
-        }
+        let powers = self.power_budget.iter().map(|power| of(Some(power), None));
+        let errors = self.error_budget.iter().map(|error| of(None, Some(error)));
+        let budgets: Vec<_> = powers.chain(errors).collect();
         if budgets.is_empty() {
             Err(CliError::usage("give --power-budget, --error-budget, or both"))
         } else {

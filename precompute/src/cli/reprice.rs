@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use frugal_core::frontier::FrontierMap;
 use frugal_search::cost::{DeviceModel, NewConditions, reprice};
 use glam::UVec2;
 
 use super::CliError;
-use super::arguments::{check_outputs, size, write};
+use super::arguments::{check_outputs, frame_rate, size, write};
 use super::input::read_map;
 
 #[derive(clap::Args, Debug)]
@@ -21,7 +22,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<UVec2>,
     /// Frame rate
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", value_parser = frame_rate, allow_hyphen_values = true)]
     fps: Option<f64>,
     /// Map to write; default: over the old one
     #[arg(short, long, value_name = "MAP")]
@@ -30,9 +31,6 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (map, _) = read_map(&arguments.map)?;
-    if let Some(fps) = arguments.fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
-        return Err(CliError::usage(format!("--fps {fps}: must be a finite number above 0")));
-    }
     let output = arguments.output.as_ref().unwrap_or(&arguments.map);
     check_outputs([Some(output)])?;
     let device = arguments.prices.as_ref().map(|path| {
@@ -55,17 +53,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         CliError::usage(format!("{}: repriced, {error}", arguments.map.display()))
     })?;
     write(output, repriced.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    let range = |map: &frugal_core::frontier::FrontierMap| {
+    let range = |map: &FrontierMap| {
         let points = map.shared.points();
-        points
-            .first()
-            .zip(points.last())
-            .map_or((0.0, 0.0), |(first, last)| (first.cost.power.0, last.cost.power.0))
+        [points.first(), points.last()].map(|point| point.map_or(0.0, |point| point.cost.power.0))
     };
-    let (before, after) = (range(&map), range(&repriced));
+    let ([least, most], [least_now, most_now]) = (range(&map), range(&repriced));
     println!(
-        "the shared frontier went from {:.2} to {:.2} W; now {:.2} to {:.2} W",
-        before.0, before.1, after.0, after.1
+        "the shared frontier went from {least:.2} to {most:.2} W; now {least_now:.2} to {most_now:.2} W"
     );
     Ok(())
 }

@@ -48,10 +48,18 @@ fn up_to(end: Bound<f32>) -> (Bound<f32>, Bound<f32>) {
     (Excluded(0.0), end)
 }
 
+/// Each number of a triple.
+fn each(
+    field: &str,
+    values: [f32; 3],
+    range: impl RangeBounds<f32> + Clone,
+    allowed: &str,
+) -> Result<(), Problem> {
+    (0..3).try_for_each(|i| number(&format!("{field}[{i}]"), values[i], range.clone(), allowed))
+}
+
 fn finite(field: &str, vector: Vec3) -> Result<(), Problem> {
-    (0..3).try_for_each(|axis| {
-        number(&format!("{field}[{axis}]"), vector[axis], .., "number of metres")
-    })
+    each(field, vector.to_array(), .., "number of metres")
 }
 
 fn direction(field: &str, vector: Vec3) -> Result<(), Problem> {
@@ -65,12 +73,6 @@ fn direction(field: &str, vector: Vec3) -> Result<(), Problem> {
         );
     }
     Ok(())
-}
-
-fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
-    (0..3).try_for_each(|i| {
-        number(&format!("{field}[{i}]"), color[i], 0.0.., "linear colour of at least 0")
-    })
 }
 
 /// A name that is not one of [`BUILT_IN`].
@@ -96,10 +98,7 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     match &description.environment {
         Environment::None => {}
         Environment::Constant(luminance) => {
-            for (i, value) in luminance.iter().enumerate() {
-                let field = format!("environment[0][{i}]");
-                number(&field, *value, 0.0.., "luminance of at least 0 nits")?;
-            }
+            each("environment[0]", *luminance, 0.0.., "luminance of at least 0 nits")?;
         }
         Environment::Map(_, intensity) => {
             number("environment[1]", *intensity, 0.0.., "intensity of at least 0 nits")?;
@@ -140,50 +139,36 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
 
 fn light(field: &str, light: &Light) -> Result<(), Problem> {
     let of = |name: &str| format!("{field}.{name}");
-    let positive_range =
-        |range: f32| number(&of("range"), range, up_to(Unbounded), "range greater than 0 m");
-    let power =
-        |power: f32| number(&of("luminous_power"), power, 0.0.., "power of at least 0 lumens");
-    match *light {
-        Light::Directional { direction: vector, illuminance, color: tint } => {
-            direction(&of("direction"), vector)?;
-            number(&of("illuminance"), illuminance, 0.0.., "illuminance of at least 0 lux")?;
-            color(&of("color"), tint)
-        }
-        Light::Point { position, luminous_power, range, color: tint } => {
-            finite(&of("position"), position)?;
-            power(luminous_power)?;
-            positive_range(range)?;
-            color(&of("color"), tint)
-        }
-        Light::Spot {
-            position,
-            direction: vector,
-            luminous_power,
-            range,
-            inner_angle,
-            outer_angle,
-            color: tint,
-        } => {
-            finite(&of("position"), position)?;
-            direction(&of("direction"), vector)?;
-            power(luminous_power)?;
-            positive_range(range)?;
-            let allowed = "half angle from 0 to 90 degrees";
-            number(&of("inner_angle"), inner_angle, 0.0..=90.0, allowed)?;
-            let allowed = "half angle above 0 and up to 90 degrees";
-            number(&of("outer_angle"), outer_angle, up_to(Included(90.0)), allowed)?;
-            if inner_angle > outer_angle {
-                let problem = format!("is {outer_angle}, less than inner_angle, {inner_angle}");
-                return invalid(
-                    of("outer_angle"),
-                    problem,
-                    "give an outer_angle of at least inner_angle",
-                );
-            }
-            color(&of("color"), tint)
+    let (Light::Directional { color, .. } | Light::Point { color, .. } | Light::Spot { color, .. }) =
+        light;
+    each(&of("color"), *color, 0.0.., "linear colour of at least 0")?;
+    if let Light::Directional { direction: vector, .. } | Light::Spot { direction: vector, .. } =
+        light
+    {
+        direction(&of("direction"), *vector)?;
+    }
+    if let Light::Directional { illuminance, .. } = light {
+        number(&of("illuminance"), *illuminance, 0.0.., "illuminance of at least 0 lux")?;
+    }
+    if let Light::Point { position, luminous_power, range, .. }
+    | Light::Spot { position, luminous_power, range, .. } = light
+    {
+        finite(&of("position"), *position)?;
+        number(&of("luminous_power"), *luminous_power, 0.0.., "power of at least 0 lumens")?;
+        number(&of("range"), *range, up_to(Unbounded), "range greater than 0 m")?;
+    }
+    if let Light::Spot { inner_angle, outer_angle, .. } = *light {
+        let allowed = "half angle from 0 to 90 degrees";
+        number(&of("inner_angle"), inner_angle, 0.0..=90.0, allowed)?;
+        let allowed = "half angle above 0 and up to 90 degrees";
+        number(&of("outer_angle"), outer_angle, up_to(Included(90.0)), allowed)?;
+        if inner_angle > outer_angle {
+            let problem = format!("is {outer_angle}, less than inner_angle, {inner_angle}");
+            let remedy = "give an outer_angle of at least inner_angle";
+            return invalid(of("outer_angle"), problem, remedy);
         }
     }
+    Ok(())
 }
 
 fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {

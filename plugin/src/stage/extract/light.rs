@@ -29,29 +29,19 @@ pub(super) fn lights(world: &mut World, layers: &RenderLayers, gaps: &mut Gaps) 
         }
         let (position, direction) = (at.translation(), at.forward().as_vec3());
         let is_lit = |power: f32| power.is_finite() && power > 0.0;
-        let mut is_shadowless = false;
         // Only directional lights have layers.
         let in_view = own_layers.unwrap_or(&RenderLayers::default()).intersects(layers);
-        if let Some(light) = sun.filter(|light| in_view && is_lit(light.illuminance)) {
-            is_shadowless |= !light.shadow_maps_enabled;
-            lights.push(Light::Directional {
-                direction,
-                illuminance: light.illuminance,
-                color: linear(light.color),
-            });
-        }
-        if let Some(light) = point.filter(|light| is_lit(light.intensity)) {
-            is_shadowless |= !light.shadow_maps_enabled;
-            lights.push(Light::Point {
-                position,
-                luminous_power: light.intensity,
-                range: light.range,
-                color: linear(light.color),
-            });
-        }
-        if let Some(light) = spot.filter(|light| is_lit(light.intensity)) {
-            is_shadowless |= !light.shadow_maps_enabled;
-            lights.push(Light::Spot {
+        let sun = sun.filter(|light| in_view && is_lit(light.illuminance)).map(|light| {
+            let (illuminance, color) = (light.illuminance, linear(light.color));
+            (Light::Directional { direction, illuminance, color }, light.shadow_maps_enabled)
+        });
+        let point = point.filter(|light| is_lit(light.intensity)).map(|light| {
+            let (luminous_power, range) = (light.intensity, light.range);
+            let color = linear(light.color);
+            (Light::Point { position, luminous_power, range, color }, light.shadow_maps_enabled)
+        });
+        let spot = spot.filter(|light| is_lit(light.intensity)).map(|light| {
+            let spot = Light::Spot {
                 position,
                 direction,
                 luminous_power: light.intensity,
@@ -59,13 +49,15 @@ pub(super) fn lights(world: &mut World, layers: &RenderLayers, gaps: &mut Gaps) 
                 inner_angle: light.inner_angle.min(light.outer_angle).to_degrees(),
                 outer_angle: light.outer_angle.to_degrees(),
                 color: linear(light.color),
-            });
-        }
-        if is_shadowless {
-            gaps.add(
-                "lights without shadow maps cast shadows in the path tracer",
-                name(world, entity),
-            );
+            };
+            (spot, light.shadow_maps_enabled)
+        });
+        for (light, has_shadows) in [sun, point, spot].into_iter().flatten() {
+            lights.push(light);
+            if !has_shadows {
+                let what = "lights without shadow maps cast shadows in the path tracer";
+                gaps.add(what, name(world, entity));
+            }
         }
     }
     let mut areas = world.query_filtered::<Entity, With<RectLight>>();

@@ -39,7 +39,7 @@ pub(in crate::cli) struct Arguments {
     pub(super) power_threshold: PowerBudget,
     /// Error threshold for dividing a node (1 − SSIM): a node is divided where either is exceeded
     /// and the division lowers the cost
-    #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
+    #[arg(long, value_name = "E", default_value = "0.001", value_parser = least_error, allow_hyphen_values = true)]
     pub(super) error_threshold: f64,
     /// Greatest number of octree levels
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(0..=6))]
@@ -64,9 +64,6 @@ pub(in crate::cli) struct Arguments {
     pub(super) report: Option<PathBuf>,
 }
 
-/// Highest frame rate at which tracks are sampled, hertz.
-const FASTEST: f64 = 1000.0;
-
 /// Watts, or a share of the range of power.
 fn threshold(text: &str) -> Result<PowerBudget, String> {
     PowerBudget::read(text)
@@ -75,6 +72,11 @@ fn threshold(text: &str) -> Result<PowerBudget, String> {
             number.is_finite() && number >= 0.0
         })
         .ok_or_else(|| "expected watts or a share, as in 0.5W or 10%".to_owned())
+}
+
+fn least_error(text: &str) -> Result<f64, String> {
+    let error = text.trim().parse().ok().filter(|error: &f64| error.is_finite() && *error >= 0.0);
+    error.ok_or_else(|| "expected a finite number, 0 or above".to_owned())
 }
 
 /// `0/4`.
@@ -89,16 +91,6 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl Arguments {
-    pub(super) fn check(&self) -> Result<(), CliError> {
-        if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
-            return Err(CliError::usage(format!(
-                "--error-threshold {}: must be a finite number, 0 or above",
-                self.error_threshold
-            )));
-        }
-        Ok(())
-    }
-
     pub(super) fn config(&self) -> PipelineConfig {
         let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
         config.fit.levels = self.levels;
@@ -113,11 +105,6 @@ impl Arguments {
     /// Tracks of the scene's paths and of recordings.
     pub(super) fn tracks(&self, scene: &StagedScene) -> Result<Vec<Vec<TrackSample>>, CliError> {
         let fps = self.capture.image.fps;
-        if !(fps > 0.0 && fps <= FASTEST) {
-            return Err(CliError::usage(format!(
-                "a frame rate of {fps}: must be above 0 and at most {FASTEST}"
-            )));
-        }
         let mut paths = Vec::new();
         for name in &self.paths {
             paths.push(path_called(scene, name)?);

@@ -27,7 +27,6 @@ const MAX_CALIBRATION: usize = 24;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_report(arguments.report.as_ref())?;
-    arguments.check()?;
     let scene = open_scene(&arguments.scene)?;
     let output = arguments.output.clone().unwrap_or_else(|| {
         let beside = arguments.scene.scene.clone().unwrap_or_default();
