@@ -268,7 +268,7 @@ const REPORT: &str = "report.html";
 
 /// Writes a file atomically, and prints its path.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    files::write_atomically(path, |file| file.write_all(bytes))?;
+    files::write_atomically(path, |file| file.write_all(bytes)).map_err(CliError::failed)?;
     eprintln!("wrote {}", path.display());
     Ok(())
 }

@@ -56,7 +56,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         &bounds,
         &tracks,
         [CAMERAS, 0, 0],
-        stage.lens(),
+        stage.lens,
         arguments.seed,
     )
     .training;

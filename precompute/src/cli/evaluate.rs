@@ -162,7 +162,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         scene: &label,
         record: &record,
         map: &map,
-        lens: stage.lens(),
+        lens: stage.lens,
         size: stage.size,
         meter: &meter,
         control: ControlSettings::default(),

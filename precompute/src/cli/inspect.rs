@@ -121,9 +121,10 @@ fn compare_maps(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     }
     let (percent, tolerated) = (100.0 * comparison.change, format!("{:.2} %", 100.0 * tolerance));
     if rose {
-        return Err(CliError::regressed(format!(
+        let message = format!(
             "power at equal error rose by {percent:.2} %, more than the {tolerated} tolerated"
-        )));
+        );
+        return Err(CliError { status: 3, message });
     }
     println!("power at equal error changed by {percent:+.2} %; a rise of {tolerated} is tolerated");
     Ok(())

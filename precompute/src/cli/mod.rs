@@ -24,7 +24,6 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use frugal_search::files::FileError;
 
 use crate::scene::SceneError;
 use crate::stage::RemoteError;
@@ -145,11 +144,6 @@ impl CliError {
     fn failed(error: impl ToString) -> Self {
         Self { status: 1, message: error.to_string() }
     }
-
-    /// The command finished, and its check failed.
-    fn regressed(error: impl ToString) -> Self {
-        Self { status: 3, message: error.to_string() }
-    }
 }
 
 impl From<SceneError> for CliError {
@@ -161,12 +155,6 @@ impl From<SceneError> for CliError {
 impl From<RemoteError> for CliError {
     fn from(error: RemoteError) -> Self {
         if error.usage { Self::usage(error) } else { Self::failed(error) }
-    }
-}
-
-impl From<FileError> for CliError {
-    fn from(error: FileError) -> Self {
-        Self::failed(error)
     }
 }
 

@@ -14,14 +14,6 @@ use frugal_trace::scene::{AlphaMode, SceneMaterial, SceneTexture, TextureUse};
 use super::Gaps;
 use super::texture::texture;
 
-/// How a material takes part.
-pub(super) enum Converted {
-    /// Index of a material.
-    Material(usize),
-    /// Light passes: the renderer's global illumination knows no transparency either.
-    LeftOut(&'static str),
-}
-
 /// Materials and textures, each converted once.
 #[derive(Default)]
 pub(super) struct Materials {
@@ -33,39 +25,35 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// The material of the surface called `name`. `exposure` is the factor from nits to the
-    /// renderer's units.
+    /// Index of the material of the surface called `name`, or why that is left out: light then passes, as
+    /// in the renderer's global illumination, which knows no transparency. `exposure` is the factor from
+    /// nits to the renderer's units.
     pub(super) fn convert(
         &mut self,
         world: &World,
-        id: AssetId<StandardMaterial>,
+        (id, material): (AssetId<StandardMaterial>, &StandardMaterial),
         exposure: f32,
         name: &str,
         gaps: &mut Gaps,
-    ) -> Option<Converted> {
-        let material = world.get_resource::<Assets<StandardMaterial>>()?.get(id)?;
+    ) -> Result<usize, &'static str> {
         if material.specular_transmission > 0.0 {
-            return Some(Converted::LeftOut(
-                "transmissive surfaces are left out, so that light passes them",
-            ));
+            return Err("transmissive surfaces are left out, so that light passes them");
         }
         match material.alpha_mode {
             BevyAlpha::Opaque | BevyAlpha::Mask(_) | BevyAlpha::AlphaToCoverage => {}
             BevyAlpha::Blend | BevyAlpha::Premultiplied | BevyAlpha::Add | BevyAlpha::Multiply => {
-                return Some(Converted::LeftOut(
-                    "blended surfaces are left out, so that light passes them",
-                ));
+                return Err("blended surfaces are left out, so that light passes them");
             }
         }
         name_gaps(material, name, gaps);
         if let Some(index) = self.known.get(&id) {
-            return Some(Converted::Material(*index));
+            return Ok(*index);
         }
         let converted = self.standard(world, material, exposure, name, gaps);
         self.materials.push(converted);
         let index = self.materials.len() - 1;
         self.known.insert(id, index);
-        Some(Converted::Material(index))
+        Ok(index)
     }
 
     /// Index of the material that stands for those whose shaders are not known.

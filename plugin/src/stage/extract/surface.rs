@@ -16,7 +16,7 @@ use bevy::render::render_resource::Face;
 use bevy::transform::components::GlobalTransform;
 use frugal_trace::scene::{SceneGeometry, SceneMesh};
 
-use super::material::{Converted, Materials};
+use super::material::Materials;
 use super::vertices::{Drawn, Placement, scene_mesh};
 use super::{Gaps, name};
 
@@ -64,24 +64,22 @@ fn surface(
     gaps: &mut Gaps,
 ) -> Option<SceneMesh> {
     let name = name(world, entity);
-    let (material, drawn, left_out) = match world.get::<MeshMaterial3d<StandardMaterial>>(entity) {
-        Some(material) => {
-            let drawn =
-                match world.resource::<Assets<StandardMaterial>>().get(&material.0)?.cull_mode {
-                    Some(Face::Back) => Drawn::Fronts,
-                    Some(Face::Front) => Drawn::Backs,
-                    None => Drawn::Both,
-                };
-            match materials.convert(world, material.id(), exposure, &name, gaps)? {
-                Converted::Material(index) => (index, drawn, None),
-                Converted::LeftOut(what) => (0, drawn, Some(what)),
-            }
+    let (converted, drawn) = match world.get::<MeshMaterial3d<StandardMaterial>>(entity) {
+        Some(handle) => {
+            let material = world.resource::<Assets<StandardMaterial>>().get(&handle.0)?;
+            let drawn = match material.cull_mode {
+                Some(Face::Back) => Drawn::Fronts,
+                Some(Face::Front) => Drawn::Backs,
+                None => Drawn::Both,
+            };
+            let material = (handle.id(), material);
+            (materials.convert(world, material, exposure, &name, gaps), drawn)
         }
         // A mesh without any material is not drawn.
         None if !has_other_material(world, entity) => return None,
         None => {
             gaps.add("materials of other kinds are traced as grey", &*name);
-            (materials.grey(), Drawn::Fronts, None)
+            (Ok(materials.grey()), Drawn::Fronts)
         }
     };
     let Some(mesh) = world.get_resource::<Assets<Mesh>>().and_then(|meshes| meshes.get(mesh))
@@ -98,9 +96,10 @@ fn surface(
         gaps.add("skinned meshes without joints are left out", name);
         return None;
     };
+    let material = converted.unwrap_or_default();
     match scene_mesh(mesh, &placement, weights(world, entity), drawn, material) {
         Ok(mesh) => {
-            if let Some(what) = left_out {
+            if let Err(what) = converted {
                 gaps.add(what, format!("{name} ({:.2} m²)", area(&mesh)));
                 return None;
             }

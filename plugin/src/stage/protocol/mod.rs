@@ -26,7 +26,7 @@ pub const STAGE_VARIABLE: &str = "FRUGAL_STAGE";
 /// Environment variable with the level to load.
 pub const LEVEL_VARIABLE: &str = "FRUGAL_STAGE_LEVEL";
 /// Number of the protocol. Raise it with every change of a message.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;
 
 /// The app's first message. Its form never changes, so that any two versions understand it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -97,6 +97,8 @@ pub enum Request {
 pub struct Reply {
     /// Resident bytes; 0 where unknown.
     pub resident_bytes: u64,
+    /// Number of raw bytes that follow.
+    pub bytes: u64,
     /// The answer.
     pub answer: Answer,
 }
@@ -111,8 +113,6 @@ pub enum Answer {
         knobs: KnobSpace,
         /// Names of the opt-in ones.
         opt_in: Vec<String>,
-        /// Bytes of the scene; 0 where it was not asked for.
-        bytes: u64,
     },
     /// To `Open`.
     Opened(Opened),

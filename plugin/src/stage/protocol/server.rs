@@ -76,7 +76,8 @@ pub(in crate::stage) fn serve(app: App, requests: Requests) -> io::Result<()> {
             let usage = error.is_usage();
             (Answer::Failed { usage, message: error.to_string() }, Vec::new())
         });
-        send(&mut output, &Reply { resident_bytes: resident_bytes(), answer })?;
+        let count = bytes.len() as u64;
+        send(&mut output, &Reply { resident_bytes: resident_bytes(), bytes: count, answer })?;
         output.write_all(&bytes)?;
         output.flush()?;
     }
@@ -98,7 +99,7 @@ fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), Stag
             let is_opt_in = |name: &str| registry.get(name).is_some_and(|knob| knob.is_opt_in());
             let opt_in = registry.names().filter(|name| is_opt_in(name)).map(str::to_owned);
             let (opt_in, knobs) = (opt_in.collect(), registry.space_with(|_| true)?);
-            return Ok((Answer::Loaded { knobs, opt_in, bytes: bytes.len() as u64 }, bytes));
+            return Ok((Answer::Loaded { knobs, opt_in }, bytes));
         }
         (stand @ Stand::App(_), Request::Open(options)) => {
             options.check()?;

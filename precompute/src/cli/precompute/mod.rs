@@ -69,7 +69,7 @@ fn search(
     let calibration = arguments.training.div_ceil(6).min(MAX_CALIBRATION);
     let counts = [arguments.training, calibration, Extent::WHOLE.views];
     let cameras =
-        CameraSet::sample(&scene.rays, &bounds, tracks, counts, stage.lens(), arguments.seed);
+        CameraSet::sample(&scene.rays, &bounds, tracks, counts, stage.lens, arguments.seed);
     let capture = Capture {
         size: stage.size,
         frames_per_second: arguments.capture.image.fps,

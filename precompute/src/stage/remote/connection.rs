@@ -35,16 +35,6 @@ impl From<NoAnswer> for RemoteError {
     }
 }
 
-/// A level that is there.
-pub(super) struct Loaded {
-    /// Every knob of the app.
-    pub knobs: KnobSpace,
-    /// Names of the opt-in ones.
-    pub opt_in: Vec<String>,
-    /// The extracted scene; empty where it was not asked for.
-    pub scene: Vec<u8>,
-}
-
 /// A program at the other end of a socket. It ends when this does.
 pub(super) struct Connection {
     program: Program,
@@ -114,14 +104,18 @@ impl Connection {
         })
     }
 
-    /// Waits for the program's level.
+    /// Waits for the program's level: every knob of the app, the names of the opt-in ones, and the bytes of
+    /// the extracted scene, if that is asked for.
     ///
     /// # Errors
     /// When there is none.
-    pub(super) fn load(&mut self, scene: bool) -> Result<Loaded, RemoteError> {
+    pub(super) fn load(
+        &mut self,
+        scene: bool,
+    ) -> Result<(KnobSpace, Vec<String>, Vec<u8>), RemoteError> {
         let request = Request::Load { seconds: self.patience_seconds(), scene };
         match self.exchange(&request)? {
-            (Answer::Loaded { knobs, opt_in, .. }, scene) => Ok(Loaded { knobs, opt_in, scene }),
+            (Answer::Loaded { knobs, opt_in }, scene) => Ok((knobs, opt_in, scene)),
             (other, _) => Err(RemoteError::unexpected(&other)),
         }
     }
@@ -141,14 +135,8 @@ impl Connection {
             .and_then(|()| output.flush())
             .and_then(|()| receive::<Reply>(input))
             .and_then(|reply| {
-                let count = match reply.answer {
-                    Answer::Frame { width, height, .. } => u64::from(width) * u64::from(height) * 3,
-                    Answer::Radiance { width, height } => u64::from(width) * u64::from(height) * 12,
-                    Answer::Loaded { bytes, .. } => bytes,
-                    _ => 0,
-                };
                 let mut bytes = Vec::new();
-                if input.by_ref().take(count).read_to_end(&mut bytes)? as u64 != count {
+                if input.by_ref().take(reply.bytes).read_to_end(&mut bytes)? as u64 != reply.bytes {
                     return Err(io::ErrorKind::UnexpectedEof.into());
                 }
                 Ok((reply, bytes))
@@ -157,7 +145,7 @@ impl Connection {
             Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => {
                 Err(NoAnswer::Failed(RemoteError { usage, message }))
             }
-            Ok((Reply { resident_bytes, answer }, bytes)) => {
+            Ok((Reply { resident_bytes, answer, .. }, bytes)) => {
                 self.resident_bytes = resident_bytes;
                 Ok((answer, bytes))
             }

@@ -52,7 +52,8 @@ pub(crate) struct RemoteStage {
     pub meter: MeterInfo,
     /// Idle power, as far as the meter covers it.
     pub idle: Watts,
-    vertical_fov_degrees: f32,
+    /// Vertical field of view in radians, and width ÷ height.
+    pub lens: (f32, f32),
 }
 
 impl RemoteStage {
@@ -97,14 +98,8 @@ impl RemoteStage {
             space,
             meter: on_this_machine(meter, crate::stage::adapter()),
             idle,
-            vertical_fov_degrees: scene.camera.vertical_fov,
+            lens: (scene.camera.vertical_fov.to_radians(), size[0] as f32 / size[1] as f32),
         })
-    }
-
-    /// Vertical field of view in radians, and width ÷ height.
-    pub(crate) fn lens(&self) -> (f32, f32) {
-        let [width, height] = self.size;
-        (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
     }
 
     /// Renders every level of every knob once, in every process, so that no metered frame compiles.

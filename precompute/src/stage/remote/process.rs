@@ -97,9 +97,8 @@ impl StageProcess {
                 Ok(Shot::Picture(picture(width, height, &bytes)?))
             }
             (Answer::Radiance { width, height }, bytes) => {
-                let value = |at: &[u8]| f32::from_le_bytes([at[0], at[1], at[2], at[3]]);
-                let pixel = |at: &[u8]| [value(at), value(&at[4..]), value(&at[8..])];
-                let rgb = bytes.chunks_exact(12).map(pixel).collect();
+                let values = bytes.as_chunks().0.iter().map(|value| f32::from_le_bytes(*value));
+                let rgb = values.collect::<Vec<f32>>().as_chunks().0.to_vec();
                 Ok(Shot::Radiance(Radiance { width, height, rgb }))
             }
             (other, _) => Err(RemoteError::unexpected(&other)),
@@ -201,8 +200,7 @@ pub(crate) enum Shot {
 }
 
 fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, RemoteError> {
-    let rgb = bytes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    Picture::new(width, height, rgb).map_err(RemoteError::failed)
+    Picture::new(width, height, bytes.as_chunks().0.to_vec()).map_err(RemoteError::failed)
 }
 
 impl FrameRenderer for StageProcess {

@@ -89,8 +89,8 @@ impl StagedScene {
     /// When it cannot be started, or has no level.
     pub(crate) fn of_app(program: Program) -> Result<Self, RemoteError> {
         let mut connection = Connection::open(&program, None)?;
-        let loaded = connection.load(true)?;
-        let extracted: ExtractedScene = postcard::from_bytes(&loaded.scene).map_err(|error| {
+        let (knobs, opt_in, scene) = connection.load(true)?;
+        let extracted: ExtractedScene = postcard::from_bytes(&scene).map_err(|error| {
             RemoteError::failed(format!("the app's scene cannot be read: {error}"))
         })?;
         let name = match &program {
@@ -121,13 +121,12 @@ impl StagedScene {
             // Its texels are in `sky`.
             ExtractedSky::Map(_, intensity) => Environment::Map(String::new(), *intensity),
         };
-        let opt_in = loaded.opt_in;
         let running = Cell::new(Some(connection));
         Ok(Self {
             label: name.clone(),
             name,
             program,
-            knobs: loaded.knobs,
+            knobs,
             scene,
             level: Some(Level { fingerprint, sky, opt_in, running }),
         })
