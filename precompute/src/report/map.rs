@@ -5,12 +5,7 @@ use glam::Vec3;
 
 use crate::inspect::{Gain, gain};
 
-use super::{Axis, Color, Curve, Fact, Plot, Report, knob_table, provenance, staircase};
-
-/// Number of frontiers shown in full: the largest, the middle one, and the smallest.
-const SHOWN: usize = 3;
-/// Greatest number of rows shown of a frontier.
-const ROWS: usize = 30;
+use super::{Axis, Color, Curve, Fact, Plot, Report, provenance, settings_table, staircase};
 
 /// A page on a map; `facts`: conditions of the map.
 ///
@@ -36,42 +31,18 @@ pub(crate) fn map_section(report: &mut Report, map: &FrontierMap) -> Result<(), 
         provenance(&map.meter)
     ));
     report.facts(&map_facts(map));
-    let mut shown: Vec<(usize, &Frontier)> =
-        octree.frontiers.iter().enumerate().filter(|(_, frontier)| !frontier.is_empty()).collect();
-    shown.sort_by_key(|(index, frontier)| (std::cmp::Reverse(frontier.points().len()), *index));
-    if shown.len() > SHOWN {
-        shown = vec![shown[0], shown[shown.len() / 2], shown[shown.len() - 1]];
-    }
-    let curve = |index: usize, frontier: &Frontier| Curve {
-        color: Color::SERIES[index],
-        width: 2,
-        points: staircase(frontier),
+    let curve = |frontier: &Frontier, color: Color, width: u32| {
+        let points = staircase(frontier);
+        Curve { color, width, points }
     };
-    let lines: Vec<Curve> =
-        shown.iter().enumerate().map(|(rank, (_, frontier))| curve(rank, frontier)).collect();
-    let names: Vec<String> = shown
-        .iter()
-        .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
-        .collect();
-    let frontiers = Plot { label: "Some frontiers", curves: &lines, ..Plot::default() };
+    let mut curves = vec![curve(&map.shared, Color::BLUE, 2)];
+    curves.extend(octree.frontiers.iter().map(|frontier| curve(frontier, Color::GREY, 1)));
+    let frontiers = Plot { label: "The frontiers", curves: &curves, ..Plot::default() };
     report.plots(&[(
-        "The largest, the middle and the smallest frontier",
+        "The frontier over all views (blue), and those of the addresses (grey)",
         frontiers.svg([Axis::POWER, Axis::ERROR])?,
     )]);
-    report
-        .legend(names.iter().enumerate().map(|(rank, name)| (name.as_str(), Color::SERIES[rank])));
-    for ((_, frontier), name) in shown.iter().zip(&names) {
-        report.heading(name);
-        let points = &frontier.points()[..frontier.points().len().min(ROWS)];
-        let (headers, rows, shared) = knob_table(&map.knobs, points);
-        report.table("Cheapest first", &headers, &rows);
-        if frontier.points().len() > ROWS {
-            report.paragraph(&format!("… and {} more.", frontier.points().len() - ROWS));
-        }
-        if !shared.is_empty() {
-            report.paragraph(&format!("All of these have {shared}."));
-        }
-    }
+    settings_table(report, "The frontier over all views", &map.knobs, map.shared.points());
     Ok(())
 }
 
@@ -205,7 +176,7 @@ mod tests {
             "40 of 48",
             "(-8, 0.5, -4) and (8, 6, 4) m",
             "0.5 W or an error of 0.005",
-            "frontier 1, 1 points",
+            "those of the addresses",
             "36 combinations",
         ] {
             assert!(html.contains(text), "{text}");

@@ -56,38 +56,26 @@ fn provenance(meter: &MeterInfo) -> String {
     }
 }
 
-/// Rows of a table of cost points, and their common levels: only knobs that differ get a column.
-fn knob_table(
-    space: &KnobSpace,
-    points: &[FrontierPoint],
-) -> (Vec<String>, Vec<Vec<String>>, String) {
-    let differs = |knob: usize| {
-        points.windows(2).any(|pair| pair[0].settings.level(knob) != pair[1].settings.level(knob))
-    };
+/// Adds a table of cost points: only knobs that differ get a column.
+fn settings_table(report: &mut Report, caption: &str, space: &KnobSpace, points: &[FrontierPoint]) {
     let label = |knob: usize, point: &FrontierPoint| {
-        space.knobs()[knob]
-            .levels
-            .get(point.settings.level(knob))
-            .map_or("?", |level| level.label.as_str())
-            .to_owned()
+        let level = space.knobs()[knob].levels.get(point.settings.level(knob));
+        level.map_or("?", |level| level.label.as_str()).to_owned()
     };
-    let (varying, same): (Vec<usize>, Vec<usize>) =
-        (0..space.len()).partition(|&knob| differs(knob));
-    let headers = ["power, W", "error"]
-        .map(str::to_owned)
-        .into_iter()
-        .chain(varying.iter().map(|&knob| space.knobs()[knob].name.clone()));
+    let level = |knob: usize| points.iter().map(move |point| point.settings.level(knob));
+    let (same, varying): (Vec<usize>, Vec<usize>) =
+        (0..space.len()).partition(|knob| level(*knob).all(|it| Some(it) == level(*knob).next()));
+    let name = |knob: &usize| space.knobs()[*knob].name.as_str();
+    let headers: Vec<&str> =
+        ["power, W", "error"].into_iter().chain(varying.iter().map(name)).collect();
     let rows = points.iter().map(|point| {
         let cost = [format!("{:.3}", point.cost.power.0), format!("{:.4}", point.cost.error)];
-        cost.into_iter().chain(varying.iter().map(|&knob| label(knob, point))).collect()
+        cost.into_iter().chain(varying.iter().map(|knob| label(*knob, point))).collect::<Vec<_>>()
     });
-    let shared = match points.first() {
-        Some(point) => same
-            .iter()
-            .map(|&knob| format!("{}={}", space.knobs()[knob].name, label(knob, point)))
-            .collect::<Vec<_>>()
-            .join(", "),
-        None => String::new(),
-    };
-    (headers.collect(), rows.collect(), shared)
+    report.table(caption, &headers, &rows.collect::<Vec<_>>());
+    if let Some(first) = points.first().filter(|_| !same.is_empty()) {
+        let same = same.iter().map(|knob| format!("{}={}", name(knob), label(*knob, first)));
+        let same = same.collect::<Vec<_>>().join(", ");
+        report.paragraph(&format!("All of these have {same}."));
+    }
 }

@@ -6,7 +6,7 @@ use frugal_search::cameras::CameraSet;
 use frugal_search::pipeline::Outcome;
 
 use super::plan::Plan;
-use super::{Axis, Color, Curve, Fact, Plot, Report, knob_table, percent, staircase};
+use super::{Axis, Color, Curve, Fact, Plot, Report, percent, settings_table, staircase};
 
 /// A finished search.
 #[derive(Debug)]
@@ -54,11 +54,7 @@ pub(crate) fn search_section(report: &mut Report, summary: &SearchSummary) -> Re
         })
         .collect();
     pool.sort_by(|a, b| a.cost.power.0.total_cmp(&b.cost.power.0));
-    let (headers, rows, shared) = knob_table(&map.knobs, &pool);
-    report.table("The pool: mean costs at the training cameras", &headers, &rows);
-    if !shared.is_empty() {
-        report.paragraph(&format!("All of these have {shared}."));
-    }
+    settings_table(report, "The pool: mean costs at the training cameras", &map.knobs, &pool);
     Ok(())
 }
 
