@@ -94,20 +94,16 @@ fn parts(meter: &MeterInfo) -> (&str, Option<&str>) {
 
 /// The first PCI address in `text`, as `0000:03:00.0`.
 fn pci_address(text: &str) -> Option<String> {
-    let hex = |part: &str, digits: std::ops::RangeInclusive<usize>| {
-        digits.contains(&part.len()) && part.bytes().all(|byte| byte.is_ascii_hexdigit())
-    };
     let words =
         text.split(|letter: char| !(letter.is_ascii_alphanumeric() || ":.".contains(letter)));
     words.map(|word| word.trim_end_matches(['.', ':'])).find_map(|word| {
-        let (domain, rest) = word.split_once(':')?;
-        let (bus, rest) = rest.split_once(':')?;
-        let (device, function) = rest.split_once('.')?;
-        let is_address =
-            hex(domain, 4..=8) && hex(bus, 2..=2) && hex(device, 2..=2) && hex(function, 1..=1);
-        let domain = u32::from_str_radix(domain, 16).ok()?;
-        let rest = format!("{bus}:{device}.{function}").to_lowercase();
-        is_address.then(|| format!("{domain:04x}:{rest}"))
+        let parts: Vec<&str> = word.split([':', '.']).collect();
+        let [domain, bus, device, function] = parts[..] else { return None };
+        let is_hex = parts.concat().bytes().all(|byte| byte.is_ascii_hexdigit());
+        let lengths = [bus, device, function].map(str::len);
+        let is_address = is_hex && (4..=8).contains(&domain.len()) && lengths == [2, 2, 1];
+        let domain = u32::from_str_radix(domain, 16).ok().filter(|_| is_address)?;
+        Some(format!("{domain:04x}:{bus}:{device}.{function}").to_lowercase())
     })
 }
 

@@ -156,22 +156,6 @@ pub(super) struct Held {
     settings: Option<KnobSettings>,
 }
 
-impl Held {
-    /// From now on the camera is at `place`.
-    pub(super) fn place(world: &mut World, place: Transform) {
-        if let Some(mut held) = world.get_resource_mut::<Self>() {
-            held.place = place;
-        }
-    }
-
-    /// From now on the camera has these settings.
-    pub(super) fn settings(world: &mut World, settings: &KnobSettings) {
-        if let Some(mut held) = world.get_resource_mut::<Self>() {
-            held.settings = Some(settings.clone());
-        }
-    }
-}
-
 /// Takes the camera out of the app's hands, and stops what moves: the clock stands still, and every
 /// other camera with a window is off. Returns the camera.
 pub(super) fn hold(app: &mut App) -> Result<Entity, StageError> {

@@ -18,7 +18,6 @@
 
 mod camera;
 mod capture;
-mod error;
 mod evaluator;
 pub mod extract;
 mod level;
@@ -53,11 +52,10 @@ use crate::gi::GiRefresh;
 use crate::knobs::{KnobLevels, KnobRegistry, KnobSpace};
 use crate::power::{Adapter, AdapterKind, MeterInfo};
 use crate::units::Watts;
-pub use error::StageError;
 pub use evaluator::Measurement;
 pub use level::{StageCamera, StageLevel, StageReady};
 pub use meters::{Meter, SelfTest};
-pub use options::{Component, NO_METER, Output, StageOptions};
+pub use options::{Component, NO_METER, Output, StageError, StageOptions};
 pub use plugin::{StagePlugin, on_stage};
 pub use settings::default_settings;
 
@@ -155,7 +153,9 @@ impl Stage {
     pub fn place(&mut self, position: Vec3, rotation: Quat) {
         let place = Transform { translation: position, rotation, ..Default::default() };
         let world = self.app.world_mut();
-        Held::place(world, place);
+        if let Some(mut held) = world.get_resource_mut::<Held>() {
+            held.place = place;
+        }
         if let Some(mut transform) = world.get_mut::<Transform>(self.camera) {
             *transform = place;
         }

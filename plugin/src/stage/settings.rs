@@ -101,7 +101,9 @@ impl Stage {
         });
         let wanted = KnobSettings { space: Arc::new(applied), settings: levels };
         let world = self.app.world_mut();
-        Held::settings(world, &wanted);
+        if let Some(mut held) = world.get_resource_mut::<Held>() {
+            held.settings = Some(wanted.clone());
+        }
         let mut camera = world.entity_mut(self.camera);
         if camera.get::<KnobSettings>() != Some(&wanted) {
             camera.insert(wanted);

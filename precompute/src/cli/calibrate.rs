@@ -1,9 +1,11 @@
-//! `frugal calibrate`: prices of work on this device.
+//! `frugal calibrate`: prices of work on this device; and `frugal meters`: its power meters.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use bevy_frugal_gi::power;
+use bevy_frugal_gi::stage::Meter;
 use frugal_core::frontier::WorkPrices;
 use frugal_core::units::Watts;
 use frugal_search::cameras::CameraSet;
@@ -17,6 +19,7 @@ use super::input::{open_scene, stage_for};
 use super::progress::Progress;
 use crate::stage::RemoteStage;
 use crate::subject::{camera_space, frame_layout, tracks_of};
+use crate::work_meter::WORK_METER;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -125,4 +128,40 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         println!("  {kind:32} {joules:.3e} J");
     }
     Ok(())
+}
+
+/// Prints each meter, with its power when idle and under load.
+pub(super) fn meters() {
+    for (name, usage) in power::meters() {
+        println!("{name}   (--meter {usage})");
+        let opened = power::open(name).map_err(|error| error.to_string());
+        let meter = opened.and_then(|meter| Meter::new(meter).map_err(|error| error.to_string()));
+        let mut meter = match meter {
+            Ok(meter) => meter,
+            Err(error) => {
+                println!("  {error}");
+                continue;
+            }
+        };
+        println!("  {}: {}", meter.info.provenance, meter.info.description);
+        println!("  unit W, window {} s", meter.window_seconds);
+        match meter.self_test() {
+            Ok(test) => {
+                println!("  idle {}, under CPU load {}", test.idle, test.loaded);
+                println!(
+                    "  {}",
+                    if test.responds {
+                        "works"
+                    } else {
+                        "does not respond to a load on the CPU, as a GPU's meter need not, and a battery's is slow"
+                    }
+                );
+            }
+            Err(error) => println!("  no reading\n  FAILED: {error}"),
+        }
+    }
+    println!("{WORK_METER}   (--meter {WORK_METER}, {WORK_METER}=FILE; for frugal's own commands)");
+    println!(
+        "  modelled: the work of each frame at fixed prices; the same in every run, whatever the machine does"
+    );
 }

@@ -11,7 +11,6 @@ mod input;
 mod inspect;
 mod journal;
 mod merge;
-mod meters;
 mod plot_log;
 mod precompute;
 mod progress;
@@ -60,7 +59,7 @@ enum Command {
     #[command(
         after_help = "FRUGAL_SYS_ROOT=FOLDER reads FOLDER/sys in place of /sys, for fake trees."
     )]
-    Meters(meters::Arguments),
+    Meters,
     /// Plots the control log of an app: power, error, frame times and switches under its budgets
     #[command(alias = "report")]
     PlotLog(plot_log::Arguments),
@@ -89,7 +88,10 @@ pub fn run() -> ExitCode {
         Command::Calibrate(arguments) => calibrate::run(arguments),
         Command::Reprice(arguments) => reprice::run(arguments),
         Command::Merge(arguments) => merge::run(arguments),
-        Command::Meters(arguments) => meters::run(arguments),
+        Command::Meters => {
+            calibrate::meters();
+            Ok(())
+        }
         Command::PlotLog(arguments) => plot_log::run(arguments),
         Command::StageWorker => {
             crate::stage::serve();
