@@ -1,6 +1,8 @@
 //! Statistics of control logs, which apps write: budgets, power, error and switches by run and
 //! camera. Independent of the renderer.
 
+use std::collections::BTreeSet;
+
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
 /// Length of the windows in which a power limit is judged, seconds.
@@ -27,9 +29,7 @@ pub(crate) fn cameras(samples: &[ControlSample]) -> Vec<CameraLog> {
     let runs = samples.chunk_by(|before, after| after.time_s >= before.time_s);
     runs.enumerate()
         .flat_map(|(run, samples)| {
-            let mut numbers: Vec<u32> = samples.iter().map(|sample| sample.camera).collect();
-            numbers.sort_unstable();
-            numbers.dedup();
+            let numbers: BTreeSet<u32> = samples.iter().map(|sample| sample.camera).collect();
             let of = numbers.len();
             numbers.into_iter().map(move |camera| CameraLog {
                 run: run + 1,

@@ -1,6 +1,7 @@
 //! A meter without hardware: it counts each frame's work at fixed prices. The same frames cost the
 //! same on every machine.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use bevy_frugal_gi::power::MeterError;
@@ -53,16 +54,12 @@ impl WorkMeter {
         let name =
             file.map_or_else(|| WORK_METER.to_owned(), |file| format!("{WORK_METER}={file}"));
         let unavailable = |reason: String| MeterError::unavailable(name.as_str(), reason);
-        let text = file.map_or_else(
-            || Ok(LAVAPIPE.to_owned()),
-            |file| std::fs::read_to_string(Path::new(file)),
-        );
-        let text = text.map_err(|error| {
+        let no_prices = |error: &dyn Display| {
             unavailable(format!("{error}; `frugal calibrate` writes such a file"))
-        })?;
-        let device: DeviceModel = ron::from_str(&text).map_err(|error| {
-            unavailable(format!("{error}; `frugal calibrate` writes such a file"))
-        })?;
+        };
+        let text = file.map_or_else(|| Ok(LAVAPIPE.to_owned()), std::fs::read_to_string);
+        let text = text.map_err(|error| no_prices(&error))?;
+        let device: DeviceModel = ron::from_str(&text).map_err(|error| no_prices(&error))?;
         if !device.prices.is_sound() {
             return Err(unavailable(
                 "its prices are not finite numbers, 0 or above, one for each kind of work"

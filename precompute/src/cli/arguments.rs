@@ -220,25 +220,18 @@ pub(super) fn frame_rate(text: &str) -> Result<f64, String> {
 
 /// `1.5,2,-3`.
 pub(super) fn vector(text: &str) -> Result<Vec3, String> {
-    let numbers: Vec<f32> = text
-        .split(',')
-        .filter_map(|part| part.trim().parse().ok())
-        .filter(|n: &f32| n.is_finite())
-        .collect();
-    match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 => Ok(Vec3::new(x, y, z)),
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) if Vec3::new(x, y, z).is_finite() => Ok(Vec3::new(x, y, z)),
         _ => Err("expected three finite numbers, as in 1.5,2,-3".to_owned()),
     }
 }
 
 /// `90s`, `10m`, `1.5h`, or seconds.
 pub(super) fn duration(text: &str) -> Result<Duration, String> {
-    let (number, seconds) = match text.trim().strip_suffix(['s', 'm', 'h']) {
-        Some(number) if text.trim().ends_with('m') => (number, 60.0),
-        Some(number) if text.trim().ends_with('h') => (number, 3600.0),
-        Some(number) => (number, 1.0),
-        None => (text.trim(), 1.0),
-    };
+    let mut units = [('s', 1.0), ('m', 60.0), ('h', 3600.0)].into_iter();
+    let of_unit = |(unit, seconds): (char, f64)| Some((text.trim().strip_suffix(unit)?, seconds));
+    let (number, seconds) = units.find_map(of_unit).unwrap_or((text.trim(), 1.0));
     let number: f64 = number.parse().map_err(|_| "expected a time, as in 90s, 10m or 1h")?;
     let length = Duration::try_from_secs_f64(number * seconds)
         .map_err(|_| "a time limit must be above 0 and finite")?;
@@ -249,10 +242,8 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
 pub(super) fn check_outputs<'p>(
     paths: impl IntoIterator<Item = Option<&'p PathBuf>>,
 ) -> Result<(), CliError> {
-    paths
-        .into_iter()
-        .flatten()
-        .try_for_each(|path| files::check_writable(path).map_err(CliError::usage))
+    let check = |path: &PathBuf| files::check_writable(path).map_err(CliError::usage);
+    paths.into_iter().flatten().try_for_each(check)
 }
 
 /// The same for the folder of a report, which is made if missing.

@@ -40,17 +40,16 @@ pub(crate) fn headline(result: &EvaluationResult) -> String {
 /// `result` as plain text; every line ends with a line break.
 pub(crate) fn table(result: &EvaluationResult) -> String {
     let rows: Vec<[String; 7]> = result.runs.iter().map(table_row).collect();
+    let heads = TABLE_HEADERS.map(str::to_owned);
     let width = |column: usize| {
-        rows.iter()
-            .map(|row| row[column].len())
-            .chain([TABLE_HEADERS[column].len()])
-            .max()
-            .unwrap_or(0)
+        let cells = rows.iter().chain([&heads]).map(|row| row[column].len());
+        cells.max().unwrap_or(0)
     };
     let widths: [usize; 7] = std::array::from_fn(width);
-    let line = |cells: &dyn Fn(usize) -> String| {
-        let cells = (0..7).map(|column| {
-            let (cell, width) = (cells(column), widths[column]);
+    let rules = widths.map(|width| "-".repeat(width));
+    let mut text = headline(result) + "\n\n";
+    for row in [&heads, &rules].into_iter().chain(&rows) {
+        let cells = row.iter().zip(widths).enumerate().map(|(column, (cell, width))| {
             // Names and words to the left, numbers to the right.
             if column == 0 || column == 6 {
                 format!("{cell:<width$}")
@@ -58,14 +57,7 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
                 format!("{cell:>width$}")
             }
         });
-        format!("{}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
-    };
-
-    let mut text = headline(result) + "\n\n";
-    text.push_str(&line(&|column| TABLE_HEADERS[column].to_owned()));
-    text.push_str(&line(&|column| "-".repeat(widths[column])));
-    for row in &rows {
-        text.push_str(&line(&|column| row[column].clone()));
+        let _ = writeln!(text, "{}", cells.collect::<Vec<_>>().join("  ").trim_end());
     }
     text.push('\n');
     for note in notes(result) {

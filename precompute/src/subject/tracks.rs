@@ -3,6 +3,7 @@
 //! The recorder writes a sample when a camera has moved, at most every 0.25 s. A track has a sample for
 //! each frame, so that its stretches play at the app's speed and every second of it weighs alike.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use bevy_frugal_gi_tools::recording::CameraSample;
@@ -73,9 +74,7 @@ pub(crate) fn recorded_tracks(
     })?;
     let samples: Vec<CameraSample> =
         read_rows(&text).map_err(|error| format!("{file}: {error}"))?;
-    let mut cameras: Vec<u32> = samples.iter().map(|sample| sample.camera).collect();
-    cameras.sort_unstable();
-    cameras.dedup();
+    let cameras: BTreeSet<u32> = samples.iter().map(|sample| sample.camera).collect();
     let of = |camera: u32| samples.iter().filter(move |sample| sample.camera == camera);
     let own: Vec<Vec<&CameraSample>> =
         cameras.into_iter().map(|camera| of(camera).collect()).collect();

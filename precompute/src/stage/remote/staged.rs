@@ -97,20 +97,13 @@ impl StagedScene {
             Program::App { level: Some(level), .. } => format!("{}/{level}", connection.hello.app),
             _ => connection.hello.app.clone(),
         };
-        let ExtractedScene {
-            geometry,
-            lights,
-            sky,
-            exposure_ev100,
-            vertical_fov_degrees,
-            near,
-            far,
-            gaps,
-        } = extracted;
+        let ExtractedScene { geometry, lights, sky, exposure_ev100, near, far, gaps, .. } =
+            extracted;
+        let camera = Camera { vertical_fov: extracted.vertical_fov_degrees, near, far };
         let description = SceneDescription {
             lights,
             exposure_ev100,
-            camera: Camera { vertical_fov: vertical_fov_degrees, near, far },
+            camera,
             ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
         let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
