@@ -1,7 +1,7 @@
 //! Statistics of control logs, which apps write: budgets, power, error and switches by run and
 //! camera. Independent of the renderer.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
@@ -84,16 +84,7 @@ impl CameraLog {
 
     /// The statuses with the share of the samples that have them, the most frequent first.
     pub(crate) fn statuses(&self) -> Vec<(&str, f64)> {
-        let mut counts: Vec<(&str, f64)> = Vec::new();
-        for sample in &self.samples {
-            match counts.iter_mut().find(|(status, _)| *status == sample.status) {
-                Some((_, count)) => *count += 1.0,
-                None => counts.push((&sample.status, 1.0)),
-            }
-        }
-        counts.iter_mut().for_each(|(_, count)| *count /= self.samples.len() as f64);
-        counts.sort_by(|a, b| b.1.total_cmp(&a.1));
-        counts
+        shares(self.samples.iter().map(|sample| sample.status.as_str()))
     }
 
     /// Switches per second; `None` for a run without duration.
@@ -120,48 +111,30 @@ fn mean(samples: &[&ControlSample], value: &impl Fn(&ControlSample) -> Option<f6
     Some(if seconds > 0.0 { sum / seconds } else { last })
 }
 
-/// A knob whose level changes in a log.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct KnobChange {
-    /// The knob.
-    pub name: String,
-    /// Number of samples whose level differs from that of the sample before.
-    pub changes: usize,
-    /// Its levels with the share of the samples that have them, the most frequent first.
-    pub levels: Vec<(String, f64)>,
+/// The values with their shares, the most frequent first.
+fn shares<'a>(values: impl IntoIterator<Item = &'a str>) -> Vec<(&'a str, f64)> {
+    let mut counts: BTreeMap<&str, f64> = BTreeMap::new();
+    values.into_iter().for_each(|value| *counts.entry(value).or_default() += 1.0);
+    let all: f64 = counts.values().sum();
+    let shares = counts.into_iter().map(|(value, count)| (value, count / all));
+    let mut shares: Vec<(&str, f64)> = shares.collect();
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    shares
 }
 
 /// The knobs whose levels change over `samples` of one camera, in the order of their names in the
-/// log.
-pub(crate) fn changes(samples: &[ControlSample]) -> Vec<KnobChange> {
-    let mut knobs: Vec<KnobChange> = Vec::new();
-    let mut before: Vec<(&str, &str)> = Vec::new();
-    for sample in samples {
-        let levels: Vec<(&str, &str)> = levels(&sample.settings).collect();
-        for (name, level) in &levels {
-            let index = knobs.iter().position(|knob| knob.name == *name).unwrap_or_else(|| {
-                knobs.push(KnobChange { name: (*name).to_owned(), changes: 0, levels: Vec::new() });
-                knobs.len() - 1
-            });
-            let knob = &mut knobs[index];
-            let is_changed = before.iter().any(|(other, was)| other == name && was != level);
-            knob.changes += usize::from(is_changed);
-            match knob.levels.iter_mut().find(|(known, _)| known == level) {
-                Some((_, count)) => *count += 1.0,
-                None => knob.levels.push(((*level).to_owned(), 1.0)),
-            }
-        }
-        if !levels.is_empty() {
-            before = levels;
+/// log: each with the number of its changes, and with the shares of its levels.
+pub(crate) fn changes(samples: &[ControlSample]) -> Vec<(&str, usize, Vec<(&str, f64)>)> {
+    let mut knobs: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (name, level) in samples.iter().flat_map(|sample| levels(&sample.settings)) {
+        match knobs.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, levels)) => levels.push(level),
+            None => knobs.push((name, vec![level])),
         }
     }
-    knobs.retain(|knob| knob.changes > 0);
-    for knob in &mut knobs {
-        let count: f64 = knob.levels.iter().map(|(_, count)| count).sum();
-        knob.levels.iter_mut().for_each(|(_, share)| *share /= count);
-        knob.levels.sort_by(|a, b| b.1.total_cmp(&a.1));
-    }
-    knobs
+    let changed = |levels: &[&str]| levels.windows(2).filter(|two| two[0] != two[1]).count();
+    let knobs = knobs.into_iter().map(|(name, levels)| (name, changed(&levels), shares(levels)));
+    knobs.filter(|(_, changes, _)| *changes > 0).collect()
 }
 
 /// Knobs and levels of settings as an app describes them: `a=1,b=on`.
@@ -237,8 +210,7 @@ mod tests {
             ..ControlSample::default()
         };
         let samples = ["", "a=1,b=off", "a=2,b=off", "a=2,b=off", "a=1,b=off,c=x"].map(sample);
-        let levels = vec![("1".to_owned(), 0.5), ("2".to_owned(), 0.5)];
-        assert_eq!(changes(&samples), [KnobChange { name: "a".into(), changes: 2, levels }]);
+        assert_eq!(changes(&samples), [("a", 2, vec![("1", 0.5), ("2", 0.5)])]);
         assert!(changes(&[]).is_empty() && changes(&[sample("odd"), sample("=,=")]).is_empty());
     }
 }

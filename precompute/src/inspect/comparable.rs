@@ -30,11 +30,13 @@ pub(super) fn check(old: &FrontierMap, new: &FrontierMap, any_device: bool) -> R
             "the maps' watts are of two devices or models, `{old}` and `{new}`: run `frugal precompute` for both on one, or `frugal reprice` both with one file of --prices; --any-device compares all the same"
         ));
     }
-    difference(&old.knobs, &new.knobs).map_or(Ok(()), |difference| {
-        Err(format!(
-            "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
-        ))
-    })
+    if old.knobs == new.knobs {
+        return Ok(());
+    }
+    let difference = difference(&old.knobs, &new.knobs);
+    Err(format!(
+        "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
+    ))
 }
 
 /// The conditions that must be equal, each with the remedy where it is not.
@@ -63,35 +65,22 @@ fn conditions(map: &FrontierMap) -> [(&'static str, String, &'static str); 5] {
     ]
 }
 
-/// The difference of two spaces in words; `None` where they are equal.
-fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
-    if old == new {
-        return None;
-    }
+/// How the knobs of two maps differ.
+fn difference(old: &KnobSpace, new: &KnobSpace) -> String {
     let only_in = |one: &KnobSpace, other: &KnobSpace| {
-        let names = one
-            .knobs()
-            .iter()
-            .filter(|knob| other.index_of(&knob.name).is_none())
-            .map(|knob| format!("`{}`", knob.name));
-        names.collect::<Vec<_>>().join(", ")
+        let names = one.knobs().iter().filter(|knob| other.index_of(&knob.name).is_none());
+        names.map(|knob| format!("`{}`", knob.name)).collect::<Vec<_>>().join(", ")
     };
-    let (gone, added) = (only_in(old, new), only_in(new, old));
-    let mut parts = Vec::new();
-    if !gone.is_empty() {
-        parts.push(format!("only the old one has {gone}"));
-    }
-    if !added.is_empty() {
-        parts.push(format!("only the new one has {added}"));
-    }
+    let only = [("old", only_in(old, new)), ("new", only_in(new, old))].into_iter();
+    let only = only.filter(|(_, names)| !names.is_empty());
+    let mut parts: Vec<_> =
+        only.map(|(which, names)| format!("only the {which} one has {names}")).collect();
     let changed = old
         .knobs()
         .iter()
-        .find(|knob| new.knobs().iter().any(|other| other.name == knob.name && other != *knob));
-    if let Some(knob) = changed {
-        parts.push(format!("`{}` has other levels", knob.name));
-    }
-    Some(if parts.is_empty() { "they come in another order".to_owned() } else { parts.join(", ") })
+        .find(|knob| new.index_of(&knob.name).is_some_and(|index| new.knobs()[index] != **knob));
+    parts.extend(changed.map(|knob| format!("`{}` has other levels", knob.name)));
+    if parts.is_empty() { "they come in another order".to_owned() } else { parts.join(", ") }
 }
 
 #[cfg(test)]

@@ -111,20 +111,15 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
         ]);
         report.plots(&plots);
     }
-    let knobs = changes(&log.samples);
-    if knobs.is_empty() {
+    let row = |(name, changes, levels): (&str, usize, Vec<(&str, f64)>)| {
+        let levels = levels.iter().take(6);
+        let levels = levels.map(|(level, share)| format!("{level} {:.0} %", 100.0 * share));
+        vec![name.to_owned(), changes.to_string(), levels.collect::<Vec<_>>().join(", ")]
+    };
+    let rows: Vec<Vec<String>> = changes(&log.samples).into_iter().map(row).collect();
+    if rows.is_empty() {
         report.paragraph("No knob changed.");
     } else {
-        let rows: Vec<Vec<String>> = knobs
-            .iter()
-            .map(|knob| {
-                let levels = knob.levels.iter().take(6);
-                let levels: Vec<String> = levels
-                    .map(|(level, share)| format!("{level} {:.0} %", 100.0 * share))
-                    .collect();
-                vec![knob.name.clone(), knob.changes.to_string(), levels.join(", ")]
-            })
-            .collect();
         report.table("Knobs that changed", &["knob", "changes", "levels, share of time"], &rows);
     }
     Ok(())

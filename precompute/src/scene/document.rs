@@ -80,14 +80,12 @@ pub(super) fn check(bytes: &[u8]) -> Result<Checked, String> {
     for material in document.materials() {
         texture_uses(&material, &mut gaps);
     }
-    let count = |count: usize, what: &str, gaps: &mut Vec<String>| {
+    let lights = document.nodes().filter(|node| node.light().is_some()).count();
+    for (count, what) in [(lights, "lights"), (document.animations().count(), "animations")] {
         if count > 0 {
             gaps.push(format!("{count} {what} of the file are left out"));
         }
-    };
-    let lights = document.nodes().filter(|node| node.light().is_some()).count();
-    count(lights, "lights", &mut gaps);
-    count(document.animations().count(), "animations", &mut gaps);
+    }
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let scene = scene.ok_or("it has no scene")?.index();
     Ok(Checked { scene, gaps })
