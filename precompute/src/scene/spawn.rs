@@ -102,7 +102,8 @@ fn finish(
         spawned.loaded = Some(Err(message.to_owned()));
     } else if spawned.is_spawned {
         let parts = children.iter_descendants(spawned.root);
-        let used = parts.filter_map(|part| Some(drawn.get(part).ok()?.0.id())).collect();
+        let used: HashSet<_> =
+            parts.filter_map(|part| Some(drawn.get(part).ok()?.0.id())).collect();
         let gaps = finish_materials(&used, &server, &mut materials, spawned.exposure);
         spawned.loaded = gaps.map(Ok);
     }
