@@ -10,7 +10,7 @@
 //! | `plot` | SVG plots: curves and names over linear or logarithmic axes |
 //! | `evaluation` | `frugal evaluate` |
 //! | `map` | `frugal inspect` |
-//! | `search` | `frugal precompute`: cameras, error at equal power, influence of knobs, calibration, effort |
+//! | `search` | `frugal precompute`: cameras, error at equal power, influence of knobs, effort |
 //! | `control_log` | `frugal plot-log` |
 mod control_log;
 mod evaluation;

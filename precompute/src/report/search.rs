@@ -1,4 +1,4 @@
-//! The section on a search: cameras, error at equal power, influence of knobs, calibration.
+//! The section on a search: cameras, error at equal power, influence of knobs.
 
 use frugal_core::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint};
 use frugal_core::knobs::KnobLevels;
@@ -35,10 +35,6 @@ pub(crate) fn search_section(report: &mut Report, summary: &SearchSummary) -> Re
         (
             "Mean error at equal mean power at the training cameras: settings by view (blue), from frontiers fitted without that view; the best constant (orange)",
             equal_power(summary)?,
-        ),
-        (
-            "Calibrated error budgets: the predicted error at which the controller keeps each budget (blue); on the grey line predictions would need no correction",
-            calibration(summary)?,
         ),
     ]);
     report.table(
@@ -178,20 +174,6 @@ fn influence(summary: &SearchSummary) -> Vec<Vec<String>> {
         .collect();
     rows.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(b.1)));
     rows.into_iter().map(|(error, name)| vec![name.to_owned(), format!("{error:.3}")]).collect()
-}
-
-/// Budgets, and the predicted errors that keep them.
-fn calibration(summary: &SearchSummary) -> Result<String, String> {
-    let known = summary.map.error_rates.0.iter();
-    let points: Vec<(f64, f64)> =
-        known.filter_map(|rate| Some((rate.budget, rate.predicted?))).collect();
-    let straight = points.iter().map(|(budget, _)| (*budget, *budget)).collect();
-    let curves = [
-        Curve { color: Color::BLUE, width: 2, points },
-        Curve { color: Color::GREY, width: 1, points: straight },
-    ];
-    let plot = Plot { label: "Calibration of error budgets", curves: &curves, ..Plot::default() };
-    plot.svg(["error budget", "predicted error"].map(|name| Axis { name, is_log: true }))
 }
 
 #[cfg(test)]
