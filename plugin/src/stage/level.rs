@@ -151,9 +151,9 @@ pub(super) struct Held {
     /// The camera.
     camera: Entity,
     /// Its place.
-    place: Transform,
+    pub(super) place: Transform,
     /// Its settings.
-    settings: Option<KnobSettings>,
+    pub(super) settings: Option<KnobSettings>,
 }
 
 /// Takes the camera out of the app's hands, and stops what moves: the clock stands still, and every

@@ -214,7 +214,7 @@ mod tests {
             let mut frames = 0;
             let mut work = || {
                 frames += 1;
-                std::thread::sleep(Duration::from_millis(10));
+                thread::sleep(Duration::from_millis(10));
             };
             let found = meter.mean(Duration::from_secs(1), &mut work).expect("a power");
             // Unaligned it is off by up to 20 %. The rest is for a loaded machine.
@@ -228,7 +228,7 @@ mod tests {
         for (step_seconds, word) in [(1e6, "did not move"), (f64::INFINITY, "NaN")] {
             let steps = Steps { step_seconds, ..Steps::new(80.0) };
             let mut meter = Meter::new(Box::new(steps)).expect("a thread");
-            let mut work = || std::thread::sleep(Duration::from_millis(10));
+            let mut work = || thread::sleep(Duration::from_millis(10));
             let error = meter.mean(Duration::from_millis(500), &mut work).expect_err(word);
             assert!(error.to_string().contains(word), "{error}");
         }
