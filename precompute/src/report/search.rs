@@ -213,12 +213,11 @@ mod tests {
         outcome.pool.clear();
         outcome.training_cameras.clear();
         outcome.training = frugal_search::table::CostTable::new(0);
-        outcome.fitted.shared = frugal_core::frontier::Frontier::default();
+        outcome.fitted.shared = Frontier::default();
         outcome.fitted.held_out.clear();
         outcome.error_rates.0.clear();
         let map = map_of(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
-        let summary =
-            SearchSummary { map, outcome, cameras: frugal_search::cameras::CameraSet::default() };
+        let summary = SearchSummary { map, outcome, cameras: CameraSet::default() };
         let mut report = Report::new("search");
         search_section(&mut report, &summary).expect("a section");
         assert!(!report.render().contains("NaN"));
