@@ -11,12 +11,12 @@ tests!(
 const SHADERS: [&str; 10] = [
     include_str!("../../../plugin/src/gi/texels/texels.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
-    include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
+    include_str!("../../../plugin/src/gi/gather/gather.wgsl"),
     include_str!("../../../plugin/src/gi/cache/table.wgsl"),
     include_str!("../../../plugin/src/gi/forward/probe.wgsl"),
     include_str!("../../../plugin/src/gi/trace/trace.wgsl"),
     include_str!("../../../plugin/src/gi/rsm/resolve.wgsl"),
-    include_str!("../../../plugin/src/gi/bounces/patch.wgsl"),
+    include_str!("../../../plugin/src/gi/bounces/reflect.wgsl"),
     include_str!("../../../plugin/src/gi/sky/sky.wgsl"),
     include_str!("../../../plugin/src/gi/sky/fill.wgsl"),
 ];

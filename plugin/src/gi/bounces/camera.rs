@@ -4,15 +4,15 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
 use super::choice::{PATCHES, Patch};
-use super::kernels::{BounceKernels, ReflectKind};
 use super::patches::GiPatches;
+use super::{BounceKernels, ReflectKind};
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};
@@ -27,13 +27,17 @@ pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
 
 /// What the light of patches depends on, apart from the scene.
 #[derive(Clone, Debug, PartialEq)]
-struct LightInputs {
-    rounds: u32,
+pub(super) struct LightInputs {
+    /// Rounds of reflection: one for two bounces.
+    pub rounds: u32,
     emissive: bool,
     exposure: f32,
     sky: Option<SkyInputs>,
-    /// The buffer of texels, and the index of the first patch's texel.
-    store: (BufferId, u32),
+    /// The buffer of texels.
+    store: BufferId,
+    /// Index of the first patch's texel in it.
+    pub first_texel: u32,
+    pub kind: ReflectKind,
 }
 
 /// The GPU objects of a camera's patches, for tests and debuggers.
@@ -57,81 +61,46 @@ pub(crate) struct BounceCamera {
     pub(super) plan: Buffer,
     /// `vpl/vpl.wgsl`'s `ImportancePoints`: patches that stand for all.
     pub(super) importance: Buffer,
-    /// `bounces/patch.wgsl`'s `PatchRange`.
+    /// `bounces/reflect.wgsl`'s `PatchRange`.
     pub(super) range: Buffer,
-    inputs: LightInputs,
+    pub(super) inputs: LightInputs,
     /// Whether patches reflect in this frame, if the camera samples VPLs.
     pub(super) is_due: bool,
     /// Whether they have done so since they were due.
     pub(super) is_done: AtomicBool,
-    pub(super) kind: ReflectKind,
 }
 
 impl BounceCamera {
     /// Buffers for patches that are due to reflect.
-    fn new(
-        device: &RenderDevice,
-        patches: &Arc<Vec<Patch>>,
-        inputs: LightInputs,
-        kind: ReflectKind,
-    ) -> Self {
+    fn new(device: &RenderDevice, patches: &Arc<Vec<Patch>>, inputs: LightInputs) -> Self {
+        let (storage, uniform) = (BufferUsages::STORAGE, BufferUsages::UNIFORM);
         let filled = |label, contents: &[u8], usage| filled_buffer(device, label, contents, usage);
         let empty = |label, size, usage| empty_buffer(device, label, size, usage);
+        let vpl_bytes = u64::from(BOUNCE_VPLS.count()) * VPL_BYTES;
+        let vpl_usage = storage | uniform | BufferUsages::COPY_SRC;
         Self {
             held: Arc::clone(patches),
-            patches: filled(
-                "frugal_gi/bounces/patches",
-                bytemuck::cast_slice(patches),
-                BufferUsages::STORAGE,
-            ),
-            bounce_vpls: empty(
-                "frugal_gi/bounces/bounce_vpls",
-                u64::from(BOUNCE_VPLS.count()) * VPL_BYTES,
-                BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
-            ),
-            plan: filled(
-                "frugal_gi/bounces/plan",
-                bytemuck::bytes_of(&BOUNCE_VPLS),
-                BufferUsages::STORAGE,
-            ),
-            importance: empty(
-                "frugal_gi/bounces/importance",
-                IMPORTANCE_POINTS_BYTES,
-                BufferUsages::STORAGE,
-            ),
-            range: filled(
-                "frugal_gi/bounces/range",
-                &range_bytes(inputs.store.1),
-                BufferUsages::UNIFORM,
-            ),
+            patches: filled("frugal_gi/bounces/patches", bytemuck::cast_slice(patches), storage),
+            bounce_vpls: empty("frugal_gi/bounces/bounce_vpls", vpl_bytes, vpl_usage),
+            plan: filled("frugal_gi/bounces/plan", bytemuck::bytes_of(&BOUNCE_VPLS), storage),
+            importance: empty("frugal_gi/bounces/importance", IMPORTANCE_POINTS_BYTES, storage),
+            range: filled("frugal_gi/bounces/range", &range_bytes(inputs.first_texel), uniform),
             inputs,
             is_due: true,
             is_done: AtomicBool::new(false),
-            kind,
         }
-    }
-
-    /// Index of the first patch's texel in the store.
-    pub(super) fn first_texel(&self) -> u32 {
-        self.inputs.store.1
-    }
-
-    /// Rounds of reflection: one for two bounces.
-    pub(super) fn rounds(&self) -> u32 {
-        self.inputs.rounds
     }
 
     /// Patches that will reflect in this frame, if the camera samples VPLs; padding included.
     pub(in crate::gi) fn patches_due(&self) -> u64 {
-        if self.is_due { PATCHES as u64 * u64::from(self.rounds()) } else { 0 }
+        if self.is_due { PATCHES as u64 * u64::from(self.inputs.rounds) } else { 0 }
     }
 
     /// For tests and debuggers.
     pub(in crate::gi) fn state(&self) -> GiBouncesState {
-        GiBouncesState {
-            bounce_vpls: self.bounce_vpls.clone(),
-            texels: self.first_texel()..self.first_texel() + PATCHES as u32,
-        }
+        let first = self.inputs.first_texel;
+        let texels = first..first + PATCHES as u32;
+        GiBouncesState { bounce_vpls: self.bounce_vpls.clone(), texels }
     }
 
     /// Bytes held on the GPU for this camera's patches, without their texels.
@@ -142,7 +111,7 @@ impl BounceCamera {
 
     /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
     pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<TexelRow>) {
-        TexelRow::add_scattered(rows, self.first_texel(), PATCHES as u32);
+        TexelRow::add_scattered(rows, self.inputs.first_texel, PATCHES as u32);
     }
 }
 
@@ -190,40 +159,41 @@ pub(super) fn prepare(
             emissive: gi.emissive,
             exposure: camera.exposure,
             sky,
-            store: (texels.id(), first_texel),
+            store: texels.id(),
+            first_texel,
+            kind,
         };
-        let size = PATCHES as u64 * TEXEL_BYTES;
+        // A new range holds other texels, which would be sampled if the patches cannot reflect in
+        // this frame.
+        let clear = || {
+            let nothing = vec![0; PATCHES * TEXEL_BYTES as usize];
+            queue.write_buffer(&texels, u64::from(first_texel) * TEXEL_BYTES, &nothing);
+        };
         if let Some(mut held) = held {
             if !Arc::ptr_eq(&held.held, patches) {
                 let bytes: &[u8] = bytemuck::cast_slice(patches);
                 queue.write_buffer(&held.patches, 0, bytes);
                 store.uploaded += bytes.len() as u64;
             }
-            if held.inputs.store != inputs.store {
-                // The new range holds other texels, which would be sampled if the patches cannot
-                // reflect in this frame.
-                queue.write_buffer(
-                    &texels,
-                    u64::from(first_texel) * TEXEL_BYTES,
-                    &vec![0; size as usize],
-                );
+            let place = |inputs: &LightInputs| (inputs.store, inputs.first_texel);
+            if place(&held.inputs) != place(&inputs) {
+                clear();
                 queue.write_buffer(&held.range, 0, &range_bytes(first_texel));
             }
-            let is_same =
-                Arc::ptr_eq(&held.held, patches) && held.inputs == inputs && held.kind == kind;
+            let is_same = Arc::ptr_eq(&held.held, patches) && held.inputs == inputs;
             let is_done = held.is_done.load(Ordering::Relaxed);
             held.is_due = frame.relit || always || !is_same || !is_done;
             held.is_done.store(!held.is_due, Ordering::Relaxed);
-            (held.held, held.inputs, held.kind) = (Arc::clone(patches), inputs, kind);
+            (held.held, held.inputs) = (Arc::clone(patches), inputs);
             continue;
         }
-        queue.write_buffer(&texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
-        let camera = BounceCamera::new(&device, patches, inputs, kind);
+        clear();
+        let camera = BounceCamera::new(&device, patches, inputs);
         commands.entity(entity).insert(camera);
     }
 }
 
-/// `bounces/patch.wgsl`'s `PatchRange`, padded to the size of a uniform.
+/// `bounces/reflect.wgsl`'s `PatchRange`, padded to the size of a uniform.
 fn range_bytes(first_texel: u32) -> [u8; 16] {
     bytemuck::cast([first_texel, 0, 0, 0])
 }

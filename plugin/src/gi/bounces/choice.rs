@@ -1,5 +1,5 @@
-//! A patch, and the selection of the points of the scene's surfaces that become patches: plain
-//! Rust, no renderer.
+//! A patch, where a camera's patches are dense, and the selection of the points of the scene's
+//! surfaces that become patches: plain Rust, no renderer.
 //!
 //! Priority sampling (Duffield, Lund and Thorup 2007, "Priority sampling for estimation of
 //! arbitrary subset sums"): every point has a weight and a permanent rank, and its priority is
@@ -9,6 +9,7 @@
 //! count, since ranks here are stratified and not independent). Where something moves, appears or
 //! disappears, all other points keep their patches, except a few at the threshold.
 
+use bevy::ecs::entity::Entity;
 use bevy::math::Vec3;
 use bytemuck::{Pod, Zeroable};
 
@@ -19,7 +20,13 @@ use crate::gi::texels::pack_normal;
 /// patch.
 pub(super) const PATCHES: usize = 2048;
 
-/// A piece of surface that reflects incident light: `bounces/patch.wgsl`'s `Patch`.
+/// Distance from the camera at which patches are half as dense, as a share of the range.
+const NEAR_SHARE: f32 = 0.1;
+/// Step in which the centre of density follows the camera, as a share of that distance: patches
+/// stay while the camera moves within a step.
+const STEP_SHARE: f32 = 0.25;
+
+/// A piece of surface that reflects incident light: `bounces/reflect.wgsl`'s `Patch`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(in crate::gi) struct Patch {
@@ -37,10 +44,8 @@ pub(in crate::gi) struct Patch {
 impl Patch {
     /// A patch; `normal` is a unit vector in world space.
     pub(crate) fn new(position: Vec3, area: f32, normal: Vec3, material: &MaterialSample) -> Self {
-        let byte = |value: f32| (value * 255.0).round() as u32;
-        let pack = |values: [f32; 4]| {
-            values.into_iter().rev().fold(0, |packed, value| packed << 8 | byte(value))
-        };
+        let byte = |value: f32| (value * 255.0).round() as u8;
+        let pack = |values: [f32; 4]| u32::from_le_bytes(values.map(byte));
         let [red, green, blue] = material.color.to_array().map(|linear| linear.powf(1.0 / 2.2));
         Self {
             position: position.to_array(),
@@ -101,131 +106,48 @@ pub(super) fn rank(index: usize, seed: u32) -> f32 {
 /// Relative density of patches: 1 at the camera, a half at a distance of `near`, and beyond that
 /// falling with the squared distance, so that distant surfaces are as finely divided in the image
 /// as nearer ones.
-pub(super) fn density(position: Vec3, center: Vec3, near: f32) -> f32 {
+fn density(position: Vec3, center: Vec3, near: f32) -> f32 {
     let steps = (position - center) / near;
     1.0 / (1.0 + steps.length_squared())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// A camera's density of patches: its centre, which follows the camera in steps, and the distance
+/// at which the density is a half, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PatchFocus {
+    pub camera: Entity,
+    center: Vec3,
+    near: f32,
+}
 
-    /// `count` points of 1 m² on a line, 1 m apart.
-    fn line(count: usize, seed: u32) -> Vec<Candidate<usize>> {
-        let density = |index: usize| density(Vec3::X * index as f32, Vec3::ZERO, 30.0);
-        (0..count)
-            .map(|point| Candidate {
-                area: 1.0,
-                density: density(point),
-                rank: rank(point, seed),
-                point,
-            })
-            .collect()
-    }
-
-    #[test]
-    fn the_selection_represents_all_points() {
-        for (points, count) in [(100, 10), (1000, 64), (1000, 999), (5000, 512)] {
-            let mut ratios = Vec::new();
-            for seed in 0..256u32 {
-                let chosen = choose(line(points, seed.wrapping_mul(2_654_435_769)), count);
-                assert_eq!(chosen.len(), count);
-                ratios.push(
-                    chosen.iter().map(|(_, area)| f64::from(*area)).sum::<f64>() / points as f64,
-                );
-            }
-            let mean = ratios.iter().sum::<f64>() / 256.0;
-            // Exact for independent ranks; stratified ones err by up to half a point.
-            assert!(
-                (mean - 1.0).abs() < 0.5 / count as f64 + 0.005,
-                "{mean} of {points} by {count}"
-            );
-        }
-    }
-
-    #[test]
-    fn with_room_for_all_each_point_represents_itself() {
-        for (points, count) in [(0, 0), (0, 8), (1, 1), (8, 8), (8, 100)] {
-            let chosen = choose(line(points, 0), count);
-            assert_eq!(chosen, (0..points).map(|point| (point, 1.0)).collect::<Vec<_>>());
-        }
-        assert_eq!(choose(line(5, 0), 0), []);
-    }
-
-    #[test]
-    fn near_surfaces_have_more_patches() {
-        let candidates = (0..4096).map(|point| {
-            let density = density(Vec3::X * point as f32, Vec3::ZERO, 300.0);
-            Candidate { area: 1.0, density, rank: rank(point, 0), point }
-        });
-        let chosen = choose(candidates.collect(), 128);
-        let near = chosen.iter().filter(|(point, _)| *point < 600).count();
-        // ∫ 1/(1 + (x/300)²) from 0 to 600, as a share of that to 4096.
-        let share = 2f64.atan() / (4096.0f64 / 300.0).atan();
-        assert!((near as f64 / 128.0 / share - 1.0).abs() < 0.1, "{near}");
-    }
-
-    #[test]
-    fn other_points_keep_their_patches_when_a_surface_appears() {
-        let before = choose(line(4000, 0), 512);
-        let mut more = line(4000, 0);
-        more.extend((0..40).map(|point| Candidate {
-            area: 1.0,
-            density: 1.0,
-            rank: rank(point, 77),
-            point: 10_000 + point,
-        }));
-        let after = choose(more, 512);
-        let kept = before
-            .iter()
-            .filter(|(point, _)| after.iter().any(|(other, _)| other == point))
-            .count();
-        let came = after.iter().filter(|(point, _)| *point >= 10_000).count();
-        assert!(came > 0 && kept == 512 - came, "{kept} of 512, {came} came");
-    }
-
-    #[test]
-    fn zero_and_non_finite_weights_are_left_out() {
-        let odd = |area: f32, density: f32| Candidate { area, density, rank: 0.5, point: 0 };
-        let candidates = vec![
-            odd(f32::NAN, 1.0),
-            odd(f32::INFINITY, 1.0),
-            odd(0.0, 1.0),
-            odd(-1.0, -1.0),
-            odd(1.0, 0.0),
-            odd(1.0, f32::NAN),
-        ];
-        assert_eq!(choose(candidates, 8), []);
-        assert_eq!(choose(vec![odd(1e-30, 1.0), odd(1e30, 1.0)], 8).len(), 2);
-        assert_eq!(density(Vec3::splat(f32::INFINITY), Vec3::ZERO, 1.0), 0.0);
-    }
-
-    #[test]
-    fn ranks_of_any_run_are_evenly_distributed() {
-        for (first, seed) in [(0, 0), (64, 12345), (640, u32::MAX)] {
-            let mut ranks: Vec<f32> = (first..first + 64).map(|index| rank(index, seed)).collect();
-            ranks.sort_by(f32::total_cmp);
-            assert!(
-                ranks
-                    .iter()
-                    .enumerate()
-                    .all(|(i, rank)| (rank - (i as f32 + 0.5) / 64.0).abs() < 1.0 / 64.0),
-                "{ranks:?}"
-            );
-            assert!(ranks[0] > 0.0 && ranks[63] <= 1.0);
-        }
-    }
-
-    #[test]
-    fn the_first_value_lies_in_the_lowest_byte() {
-        let material = MaterialSample {
-            color: Vec3::new(1.0, 0.0, 0.5),
-            roughness: 0.2,
-            metallic: 1.0,
-            reflectance: 0.5,
+impl PatchFocus {
+    /// `before`: the last one of this camera.
+    pub(super) fn new(camera: Entity, position: Vec3, range: f32, before: Option<&Self>) -> Self {
+        // NaN compares false.
+        let near = if range * NEAR_SHARE > 0.1 { (range * NEAR_SHARE).min(1e6) } else { 0.1 };
+        let step = near * STEP_SHARE;
+        // Hysteresis: a camera that moves to and fro over the border of a step changes nothing.
+        let is_near = |before: &&Self| {
+            before.near == near && (position - before.center).abs().max_element() <= 0.75 * step
         };
-        let patch = Patch::new(Vec3::ZERO, 1.0, Vec3::Y, &material);
-        assert_eq!(patch.color.to_le_bytes(), [255, 0, 186, 51]);
-        assert_eq!(patch.properties.to_le_bytes(), [128, 255, 0, 0]);
+        if let Some(before) = before.filter(is_near) {
+            return *before;
+        }
+        let center = (position / step).round() * step;
+        Self { camera, center: if center.is_finite() { center } else { Vec3::ZERO }, near }
+    }
+
+    /// The same in a world that is shifted.
+    pub(super) fn shifted(self, shift: Vec3) -> Self {
+        Self { center: self.center + shift, ..self }
+    }
+
+    /// Relative density at a position.
+    pub(super) fn density(&self, position: Vec3) -> f32 {
+        density(position, self.center, self.near)
     }
 }
+
+#[cfg(test)]
+#[path = "choice_tests.rs"]
+mod tests;

@@ -8,41 +8,36 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `choice` | none | a patch as the GPU reads it; selects the points that become patches |
-//! | `focus` | none | where a camera's patches are dense |
+//! | `choice` | none | a patch as the GPU reads it; where patches are dense; selects points for them |
 //! | `points` | main | points on all surfaces, more on those that matter |
 //! | `patches` | main | keeps every camera's patches: some of these points, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
-//! | `pick.wgsl`, `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
+//! | `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
 
 mod camera;
 mod choice;
-mod focus;
-mod kernels;
 mod patches;
 mod points;
 
 use std::sync::atomic::Ordering;
 
-use bevy::app::{App, Plugin, PostUpdate};
-use bevy::asset::{AssetEventSystems, embedded_asset};
+use bevy::asset::{AssetEventSystems, embedded_asset, load_embedded_asset};
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResourcePlugin;
+use bevy::render::render_resource::binding_types::{uniform_buffer, uniform_buffer_sized};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
-use bevy::shader::load_shader_library;
-use bevy::transform::TransformSystems;
 
-use super::compute::{CameraInputs, compute_pass};
+use super::compute::{CameraInputs, Kernel, compute_pass, definitions, read, write};
 use super::schedule::{PassSystems, PrepareSystems, SceneSystems, supported_render_app};
 use super::sky::SkyCamera;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
-use super::trace::OccluderBuffers;
+use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
 use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(super) use camera::BOUNCE_VPLS;
@@ -50,7 +45,6 @@ pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
 use choice::PATCHES;
 pub(super) use choice::Patch;
-use kernels::BounceKernels;
 pub use patches::GiPatches;
 
 /// Patches of a workgroup of `reflect.wgsl`.
@@ -60,8 +54,6 @@ pub(super) struct BouncePlugin;
 
 impl Plugin for BouncePlugin {
     fn build(&self, app: &mut App) {
-        load_shader_library!(app, "patch.wgsl");
-        embedded_asset!(app, "pick.wgsl");
         embedded_asset!(app, "reflect.wgsl");
         app.init_resource::<GiPatches>()
             .init_resource::<patches::Surfaces>()
@@ -92,6 +84,63 @@ impl Plugin for BouncePlugin {
     }
 }
 
+/// How patches reflect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct ReflectKind {
+    /// Whether the camera's sky lights patches.
+    has_sky: bool,
+    /// Whether rays test alpha masks.
+    has_masks: bool,
+    is_lambertian: bool,
+}
+
+/// Pipelines are queued once a camera needs them.
+#[derive(Resource)]
+pub(super) struct BounceKernels {
+    pick: Kernel,
+    /// Of both models of reflection, without a sky and with one.
+    reflect: [[TracedKernel; 2]; 2],
+}
+
+impl FromWorld for BounceKernels {
+    fn from_world(world: &mut World) -> Self {
+        let uniform = || uniform_buffer_sized(false, None);
+        let compute = ShaderStages::COMPUTE;
+        let picking = BindGroupLayoutEntries::sequential(compute, (read(), write()));
+        let without_sky = BindGroupLayoutEntries::sequential(
+            compute,
+            (uniform_buffer::<ViewUniform>(true), uniform(), uniform(), read(), write()),
+        );
+        let sky = BindGroupLayoutEntries::with_indices(compute, ((5, read()), (6, read())));
+        let with_sky = [&*without_sky, &*sky].concat();
+        let shader = load_embedded_asset!(world, "reflect.wgsl");
+        let reflect = |is_lambertian| {
+            [(false, &without_sky[..]), (true, &with_sky[..])].map(|(has_sky, entries)| {
+                let definitions = definitions([(has_sky, "SKY"), (is_lambertian, "LAMBERTIAN")]);
+                let (label, entry_point) = ("frugal_gi/bounces/reflect", "reflect_patches");
+                TracedKernel::new(label, entry_point, &shader, entries, definitions)
+            })
+        };
+        Self {
+            pick: Kernel::new("frugal_gi/bounces/pick", "pick_patches", &shader, &picking),
+            reflect: [false, true].map(reflect),
+        }
+    }
+}
+
+impl BounceKernels {
+    fn reflect(&self, kind: ReflectKind) -> &TracedKernel {
+        &self.reflect[usize::from(kind.is_lambertian)][usize::from(kind.has_sky)]
+    }
+
+    /// Queues the pipelines of a kind, unless they were queued before.
+    fn queue(&mut self, cache: &PipelineCache, kind: ReflectKind) {
+        self.pick.queue(cache, Vec::new());
+        let reflect = &mut self.reflect[usize::from(kind.is_lambertian)];
+        reflect[usize::from(kind.has_sky)].queue(cache, kind.has_masks);
+    }
+}
+
 fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
     store.reserve(TexelRange::Patches, patches.texel_count());
 }
@@ -119,8 +168,9 @@ pub(super) fn reflect(
     if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }
+    let kernel = kernels.reflect(camera.inputs.kind);
     let (Some(pick), Some(reflect)) =
-        (kernels.pick.get(&cache, &[]), kernels.get(&cache, camera.kind))
+        (kernels.pick.get(&cache, &[]), kernel.get(&cache, camera.inputs.kind.has_masks))
     else {
         return;
     };
@@ -146,7 +196,7 @@ pub(super) fn reflect(
     let Some(passes) = vpl_kernels.passes(&context, &cache, false, inputs) else {
         return;
     };
-    let sky = sky.filter(|_| camera.kind.has_sky);
+    let sky = sky.filter(|_| camera.inputs.kind.has_sky);
     let picking = kernels.pick.bind(
         &context,
         &cache,
@@ -155,29 +205,26 @@ pub(super) fn reflect(
             camera.importance.as_entire_binding(),
         )),
     );
-    let entries = DynamicBindGroupEntries::sequential((
+    let mut entries = DynamicBindGroupEntries::sequential((
         views,
         camera.bounce_vpls.as_entire_binding(),
         camera.range.as_entire_binding(),
         camera.patches.as_entire_binding(),
         texels.as_entire_binding(),
     ));
-    let entries = match sky {
-        Some(sky) => entries.extend_sequential((
-            sky.samples.as_entire_binding(),
-            sky.plan_buffer.as_entire_binding(),
-        )),
-        None => entries,
-    };
-    let reflecting = kernels.reflect[usize::from(sky.is_some())].bind(&context, &cache, &entries);
+    if let Some(SkyCamera { samples, plan_buffer: plan, .. }) = sky {
+        let sky = (samples.as_entire_binding(), plan.as_entire_binding());
+        entries = entries.extend_sequential(sky);
+    }
+    let reflecting = kernel.kernel.bind(&context, &cache, &entries);
     // In the first round patches emit nothing yet.
-    let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
+    let first_byte = u64::from(camera.inputs.first_texel) * TEXEL_BYTES;
     let clear = (texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
     compute_pass(&mut context, "frugal_gi/bounces", &[clear], |pass| {
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
-        for _ in 0..camera.rounds() {
+        for _ in 0..camera.inputs.rounds {
             passes.weigh(pass);
             passes.sample(pass);
             pass.set_bind_group(0, &reflecting, &[view_offset.offset]);

@@ -2,17 +2,13 @@
 
 use std::sync::Arc;
 
-use bevy::camera::Camera;
-use bevy::ecs::prelude::*;
-use bevy::light::{EnvironmentMapLight, NotShadowCaster};
-use bevy::math::Vec3;
+use bevy::light::NotShadowCaster;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::platform::collections::{HashMap, HashSet};
+use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResource;
-use bevy::transform::components::GlobalTransform;
 
-use super::choice::{Candidate, PATCHES, Patch, choose, rank};
-use super::focus::PatchFocus;
+use super::choice::{Candidate, PATCHES, Patch, PatchFocus, choose, rank};
 use super::points::{PatchInstance, PatchKey, PatchPoints, refine};
 use crate::cut::{CameraCut, Jumps};
 use crate::gi::settings::FrugalGi;

@@ -3,15 +3,10 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use bevy::asset::AssetId;
-use bevy::image::Image;
-use bevy::log::warn_once;
-use bevy::math::Vec3;
-use bevy::mesh::Mesh;
 use bevy::platform::collections::HashMap;
+use bevy::prelude::*;
 
-use super::choice::PATCHES;
-use super::focus::PatchFocus;
+use super::choice::{PATCHES, PatchFocus};
 use crate::gi::surfaces::{
     MaterialSample, Reflectance, SurfaceAssets, SurfaceInstance, SurfaceKey, SurfacePoint,
     SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,

@@ -1,4 +1,10 @@
-// The flux that each patch reflects, as a texel behind those of the maps: a thread for each ray of a
+// Patches are pieces of surface that reflect incident light.
+//
+// Some of a camera's become importance points: a texel's importance to them decides its probability of
+// lighting patches (`vpl/weigh.wgsl`). Flux alone would not do: most sunlight falls on surfaces that no
+// patch sees, or only distant ones.
+//
+// Then the flux that each patch reflects, as a texel behind those of the maps: a thread for each ray of a
 // patch.
 //
 // Bounce VPLs light the patches: VPLs sampled from the maps' texels, from emissive surfaces and,
@@ -7,15 +13,37 @@
 // `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
 #import bevy_frugal_gi::gi::texels::texels::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
+#import bevy_frugal_gi::gi::vpl::vpl::{
+    IMPORTANCE_POINTS, ImportancePoint, ImportancePoints, MAX_FLUX, Vpl, empty_stratum, from_vpl, update_stratum,
+}
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
-#import bevy_frugal_gi::gi::vpl::vpl::{MAX_FLUX, Vpl, empty_stratum, from_vpl, update_stratum}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif
 
+struct Patch {
+    /// World space, metres.
+    position: vec3<f32>,
+    /// m²; 0 for padding.
+    area: f32,
+    /// As in the G-buffer: colour and roughness, and further properties.
+    color: u32,
+    properties: u32,
+    packed_normal: u32,
+    padding: u32,
+}
+
+struct PatchRange {
+    /// Index of the first patch's texel in the store.
+    first_texel: u32,
+}
+
+// To pick importance points.
+@group(0) @binding(0) var<storage, read> candidates: array<Patch>;
+@group(0) @binding(1) var<storage, read_write> importance: ImportancePoints;
+// To reflect.
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> bounce_vpls: array<Vpl, BOUNCE_VPLS>;
 @group(0) @binding(2) var<uniform> range: PatchRange;
@@ -26,6 +54,9 @@
 @group(0) @binding(6) var<storage, read> sky_plan: SkyPlan;
 #endif
 
+/// Area that an importance point represents, as a share of the area of all patches from one picked
+/// patch to the next, which lie on many surfaces.
+const REACH: f32 = 0.1;
 /// As in `bounces/camera.rs`. A constant, so that no loop depends on a uniform.
 const BOUNCE_VPLS: u32 = 512u;
 /// Rays from each patch to the sky.
@@ -42,6 +73,22 @@ const GROUP_PATCHES: u32 = 8u;
 
 /// Light that arrives at each patch by each of its rays.
 var<workgroup> arrived: array<vec3<f32>, 64>;
+
+/// One thread per importance point. Patches are ordered by surface and along a space-filling curve
+/// on each, denser near the camera: equal steps spread over all.
+@compute @workgroup_size(IMPORTANCE_POINTS)
+fn pick_patches(@builtin(local_invocation_index) index: u32) {
+    let step = arrayLength(&candidates) / IMPORTANCE_POINTS;
+    let own = candidates[index * step + step / 2u];
+    var texel: Texel;
+    texel.packed_normal = own.packed_normal;
+    var point: ImportancePoint;
+    point.position = own.position;
+    point.normal = texel_normal(texel);
+    point.radius_squared = select(0.0, clamp(own.area * f32(step) * REACH, 1e-12, 1e18), own.area > 0.0);
+    point.pixel_width = 0.0;
+    importance.points[index] = point;
+}
 
 @compute @workgroup_size(LANES, GROUP_PATCHES)
 fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {

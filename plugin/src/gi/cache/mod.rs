@@ -9,35 +9,38 @@
 //!
 //! | file | job |
 //! |---|---|
-//! | `grid.wgsl` | finds the cells of a point of a surface |
+//! | `grid.wgsl` | finds the cells of a point of a surface; the format of what is sampled in a tile |
 //! | `table.wgsl` | the table: keys and cells |
-//! | `record.wgsl` | the format of what is sampled in a tile |
-//! | `sight.wgsl` | visibility between cells |
-//! | `age.wgsl` | fades outdated light; drops cells |
-//! | `place.wgsl` | chooses pixels and decides what is sampled there |
-//! | `light.wgsl` | lights the chosen pixels, as the gather does |
-//! | `store.wgsl` | adds their light to cells |
-//! | `resolve.wgsl` | irradiance of low-resolution pixels |
+//! | `place.wgsl` | fades outdated light; chooses pixels and decides what is sampled there |
+//! | `light.wgsl` | lights the chosen pixels, adds their light to cells, and shows it |
 //! | `view` | a camera's buffers |
-//! | `passes` | pipelines, and the passes in their order |
 //!
 //! The order of the GPU's threads does not matter: light is added as integers, and decisions read
 //! the state of the frame before.
 
-mod passes;
 mod view;
 
-use bevy::app::{App, Plugin};
-use bevy::asset::embedded_asset;
+use bevy::asset::{embedded_asset, load_embedded_asset};
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer,
+};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 
-use super::compute::drop_with;
+use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, read, write};
+use super::gather::{GatherView, ray_definitions};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::settings::{FrugalGi, GiVisibility};
+use super::sky::SkyCamera;
+use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
-pub(super) use passes::resolve;
+use super::vpl::VplView;
 pub(super) use view::{CELL_BYTES, CacheSettings, CacheView, samples};
 
 pub(super) struct CachePlugin;
@@ -46,27 +49,220 @@ impl Plugin for CachePlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "grid.wgsl");
         load_shader_library!(app, "table.wgsl");
-        load_shader_library!(app, "record.wgsl");
-        load_shader_library!(app, "sight.wgsl");
-        embedded_asset!(app, "age.wgsl");
         embedded_asset!(app, "place.wgsl");
         embedded_asset!(app, "light.wgsl");
-        embedded_asset!(app, "store.wgsl");
-        embedded_asset!(app, "resolve.wgsl");
     }
 
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
-            .init_gpu_resource::<passes::CacheKernels>()
+            .init_gpu_resource::<CacheKernels>()
             .add_observer(drop_with::<GiView, CacheView>)
             .add_systems(
                 Render,
                 (
-                    passes::prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
+                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
                     view::prepare.in_set(PrepareSystems::Cache),
                 ),
             )
             .add_systems(Core3d, resolve.in_set(PassSystems::Cache));
     }
+}
+
+/// The cache's pipelines. They are queued once a camera has a cache.
+#[derive(Resource)]
+pub(super) struct CacheKernels {
+    age: Kernel,
+    place: Kernel,
+    /// Without a sky, and with one.
+    light: [TracedKernel; 2],
+    store: TracedKernel,
+    resolve: TracedKernel,
+}
+
+impl FromWorld for CacheKernels {
+    fn from_world(world: &mut World) -> Self {
+        let compute = ShaderStages::COMPUTE;
+        let (g_buffer, depth, view) = (
+            texture_2d(TextureSampleType::Uint),
+            texture_depth_2d(),
+            uniform_buffer::<ViewUniform>(true),
+        );
+        let target = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
+        let (records, light) = (
+            texture_2d(TextureSampleType::Uint),
+            texture_2d(TextureSampleType::Float { filterable: false }),
+        );
+        let age = BindGroupLayoutEntries::with_indices(
+            compute,
+            ((3, write()), (4, write()), (5, read())),
+        );
+        let with_table = BindGroupLayoutEntries::sequential(
+            compute,
+            (g_buffer, depth, view, write(), write(), read()),
+        );
+        let and_target = |format| {
+            let target = BindGroupLayoutEntries::with_indices(compute, ((6, target(format)),));
+            [&*with_table, &*target].concat()
+        };
+        let without_sky = BindGroupLayoutEntries::sequential(
+            compute,
+            (g_buffer, depth, view, read(), records, read(), target(TextureFormat::Rgba32Float)),
+        );
+        let sky = BindGroupLayoutEntries::with_indices(compute, ((7, read()), (8, read())));
+        let with_sky = [&*without_sky, &*sky].concat();
+        let sampled = BindGroupLayoutEntries::with_indices(compute, ((6, records), (7, light)));
+        let place = and_target(TextureFormat::Rg32Uint);
+        let resolve = and_target(TextureFormat::Rgba16Float);
+        let store = [&*with_table, &*sampled].concat();
+        let places = load_embedded_asset!(world, "place.wgsl");
+        let lights = load_embedded_asset!(world, "light.wgsl");
+        let light = |label, entries: &[BindGroupLayoutEntry], has_sky| {
+            let definitions = ray_definitions(GiVisibility::Cached, has_sky);
+            TracedKernel::new(label, "light_samples", &lights, entries, definitions)
+        };
+        let traced = |label, entry_point, entries: &[BindGroupLayoutEntry]| {
+            TracedKernel::new(label, entry_point, &lights, entries, Vec::new())
+        };
+        Self {
+            age: Kernel::new("frugal_gi/cache/age", "age_cells", &places, &age),
+            place: Kernel::new("frugal_gi/cache/place", "place_samples", &places, &place),
+            light: [
+                light("frugal_gi/cache/light", &without_sky, false),
+                light("frugal_gi/cache/light/sky", &with_sky, true),
+            ],
+            store: traced("frugal_gi/cache/store", "store_samples", &store),
+            resolve: traced("frugal_gi/cache/resolve", "resolve_cells", &resolve),
+        }
+    }
+}
+
+/// Queues the pipelines of cameras that have a cache, and keeps their skies inactive until those that
+/// gather them are compiled.
+fn prepare_pipelines(
+    mut kernels: ResMut<CacheKernels>,
+    cache: Res<PipelineCache>,
+    occluders: Res<OccluderBuffers>,
+    mut cameras: Query<(&FrugalGi, Option<&mut SkyCamera>)>,
+) {
+    let CacheKernels { age, place, light: [light, light_by_sky], store, resolve } = &mut *kernels;
+    for (_, sky) in cameras.iter_mut().filter(|(gi, _)| gi.caches()) {
+        age.queue(&cache, Vec::new());
+        place.queue(&cache, Vec::new());
+        for has_masks in [false, occluders.are_masked()] {
+            store.queue(&cache, has_masks);
+            resolve.queue(&cache, has_masks);
+            // A sky may be inactive.
+            light.queue(&cache, has_masks);
+            if sky.is_some() {
+                light_by_sky.queue(&cache, has_masks);
+            }
+        }
+        if let Some(mut sky) = sky {
+            sky.is_active &= light_by_sky.get(&cache, false).is_some();
+        }
+    }
+}
+
+/// In the view of a GI camera that has a cache: lights some of its cells, and makes the irradiance of
+/// low-resolution pixels from them.
+pub(super) fn resolve(
+    view: ViewQuery<(
+        &GiView,
+        &VplView,
+        &GatherView,
+        &CacheView,
+        &ViewPrepassTextures,
+        &ViewUniformOffset,
+        Option<&SkyCamera>,
+    )>,
+    kernels: Res<CacheKernels>,
+    occluders: Res<OccluderBuffers>,
+    pipelines: Res<PipelineCache>,
+    view_uniforms: Res<ViewUniforms>,
+    mut context: RenderContext,
+) {
+    let (view, vpl, gather, cache, prepass, view_offset, sky) = view.into_inner();
+    if !view.work.gather {
+        return;
+    }
+    let sky = sky.filter(|_| view.sky_samples > 0);
+    let light = &kernels.light[usize::from(sky.is_some())];
+    let traced = [light, &kernels.store, &kernels.resolve];
+    let traced = traced.map(|kernel| kernel.get(&pipelines, occluders.are_masked()));
+    let (
+        Some(camera),
+        Some(occluded),
+        [Some(age), Some(place)],
+        [Some(lights), Some(store), Some(resolve)],
+    ) = (
+        CameraInputs::new(prepass, &view_uniforms),
+        occluders.bind_group(),
+        [&kernels.age, &kernels.place].map(|kernel| kernel.get(&pipelines, &[])),
+        traced,
+    )
+    else {
+        return;
+    };
+    let (keys, cells, settings) = (
+        cache.keys.as_entire_binding(),
+        cache.cells.as_entire_binding(),
+        cache.settings_buffer.as_entire_binding(),
+    );
+    let table = ((3, keys.clone()), (4, cells.clone()), (5, settings.clone()));
+    let aging = kernels.age.bind(&context, &pipelines, &BindGroupEntries::with_indices(table));
+    let with_table = || {
+        DynamicBindGroupEntries::sequential((
+            camera.g_buffer,
+            camera.depth,
+            camera.views.clone(),
+            keys.clone(),
+            cells.clone(),
+            settings.clone(),
+        ))
+    };
+    let placing = with_table().extend_with_indices(((6, &cache.records.default_view),));
+    let placing = kernels.place.bind(&context, &pipelines, &placing);
+    let mut lighting = DynamicBindGroupEntries::sequential((
+        camera.g_buffer,
+        camera.depth,
+        camera.views.clone(),
+        vpl.vpls.as_entire_binding(),
+        &cache.records.default_view,
+        vpl.plan_buffer.as_entire_binding(),
+        &cache.light.default_view,
+    ));
+    if let Some(SkyCamera { samples, plan_buffer: plan, .. }) = sky {
+        let sky = (samples.as_entire_binding(), plan.as_entire_binding());
+        lighting = lighting.extend_sequential(sky);
+    }
+    let lighting = light.kernel.bind(&context, &pipelines, &lighting);
+    let storing =
+        with_table().extend_sequential((&cache.records.default_view, &cache.light.default_view));
+    let storing = kernels.store.kernel.bind(&context, &pipelines, &storing);
+    let resolving = with_table().extend_with_indices(((6, &gather.irradiance.default_view),));
+    let resolving = kernels.resolve.kernel.bind(&context, &pipelines, &resolving);
+    let clears = [(&cache.keys, 0, None), (&cache.cells, 0, None)];
+    let clears = if cache.begins { &clears[..] } else { &[] };
+    let groups = |texture: &Texture| (texture.width().div_ceil(8), texture.height().div_ceil(8));
+    let tiles = groups(&cache.records.texture);
+    let pixels = groups(&gather.irradiance.texture);
+    compute_pass(&mut context, "frugal_gi/cache", clears, |pass| {
+        if cache.ages {
+            pass.set_pipeline(age);
+            pass.set_bind_group(0, &aging, &[]);
+            pass.dispatch_workgroups(view::SLOTS.div_ceil(64), 1, 1);
+        }
+        pass.set_bind_group(1, occluded, &[]);
+        for (pipeline, bind_group, (width, height)) in [
+            (place, &placing, tiles),
+            (lights, &lighting, tiles),
+            (store, &storing, tiles),
+            (resolve, &resolving, pixels),
+        ] {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, bind_group, &[view_offset.offset]);
+            pass.dispatch_workgroups(width, height, 1);
+        }
+    });
 }

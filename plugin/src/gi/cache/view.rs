@@ -1,7 +1,6 @@
 //! A GI camera's cache: its buffers, and what happens to it in a frame.
 
-use bevy::ecs::prelude::*;
-use bevy::math::{UVec2, Vec3};
+use bevy::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
@@ -15,7 +14,7 @@ use crate::gi::view::{GiFrame, GiView};
 use crate::gi::vpl::VplView;
 
 /// Slots of the table: a power of two. A view of 70 degrees has 20,000 to 40,000 cells.
-const SLOTS: u32 = 1 << 17;
+pub(super) const SLOTS: u32 = 1 << 17;
 /// Bytes of `cache/table.wgsl`'s `Cell`. A test compares it with the shader.
 pub(in crate::gi) const CELL_BYTES: u64 = 24;
 /// Counters behind the keys.
@@ -153,11 +152,6 @@ impl CacheView {
     /// Whether its light still changes although nothing moves.
     pub(crate) fn is_settling(&self) -> bool {
         self.fading > 0 || self.settings.frame < SETTLED_FRAMES
-    }
-
-    /// Slots of the table.
-    pub(super) fn slots(&self) -> u32 {
-        SLOTS
     }
 
     /// Bytes held on the GPU.

@@ -1,8 +1,7 @@
 //! The history of a camera's irradiance, and the pose it was accumulated from: averages the noise
 //! of one frame's VPLs with that of the frames before.
 
-use bevy::ecs::prelude::*;
-use bevy::math::Mat4;
+use bevy::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;

@@ -3,11 +3,10 @@
 
 mod history;
 
-use bevy::app::{App, Plugin};
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };

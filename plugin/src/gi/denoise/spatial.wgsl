@@ -6,7 +6,7 @@
 // under its tile and the window's margin.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::gather::settings::Gather
+#import bevy_frugal_gi::gi::gather::gather::Gather
 #import bevy_frugal_gi::gi::view::noise::luminance
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 

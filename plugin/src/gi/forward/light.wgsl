@@ -8,6 +8,7 @@
 #import bevy_frugal_gi::gi::forward::probe::{NEIGHBOURS, PLACES, Probe, Volume, key_of, neighbour, place_of}
 #import bevy_frugal_gi::gi::trace::trace::begin_trace
 #import bevy_frugal_gi::gi::view::noise::random
+#import bevy_frugal_gi::gi::vpl::vpl::{empty_stratum, update_stratum, weight_of}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #import bevy_frugal_gi::gi::trace::trace::is_open
@@ -15,7 +16,8 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, leaves_solid, surface_offset}
 #import bevy_frugal_gi::gi::view::surface::apparent_distance
-#import bevy_frugal_gi::gi::vpl::vpl::{Plan, Vpl, empty_stratum, update_stratum, weight_of}
+#import bevy_frugal_gi::gi::vpl::vpl::Plan
+#import bevy_frugal_gi::gi::vpl::vpl::Vpl
 #endif
 
 @group(0) @binding(0) var<uniform> volume: Volume;

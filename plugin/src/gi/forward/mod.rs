@@ -14,32 +14,39 @@
 //! |---|---|---|
 //! | `volume` | main | keeps a volume around each camera that draws such meshes |
 //! | `view` | render | a camera's buffers, and its work in a frame |
-//! | `passes` | render | pipelines and passes |
-//! | `probe.wgsl` | | what is kept of a place |
 //! | `light.wgsl` | | lights places |
-//! | `fill.wgsl` | | writes the volume, and blackens it |
+//! | `probe.wgsl` | | what is kept of a place; writes the volume, and blackens it |
 //!
 //! Places that have converged trace no rays while nothing changes.
 
-mod passes;
 mod view;
 mod volume;
 
-use bevy::app::{App, Plugin, PostUpdate};
-use bevy::asset::embedded_asset;
+use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
-use bevy::ecs::prelude::*;
-use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderSystems};
+use bevy::prelude::*;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::binding_types::{
+    texture_storage_3d, uniform_buffer, uniform_buffer_sized,
+};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::texture::GpuImage;
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 use bevy::shader::load_shader_library;
 
-use super::compute::drop_with;
+use super::compute::{Kernel, compute_pass, drop_with, read, write};
 use super::schedule::{
     GiSystems, PassSystems, PrepareSystems, SceneSystems, is_not_off, supported_render_app,
 };
 use super::settings::FrugalGi;
+use super::sky::SkyCamera;
+use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
+use super::vpl::VplView;
 pub(super) use view::{ForwardView, LOOKS, PROBE_BYTES, RAYS, VolumeSettings};
 pub(super) use volume::{ForwardCamera, PLACES};
 
@@ -49,7 +56,6 @@ impl Plugin for ForwardPlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "probe.wgsl");
         embedded_asset!(app, "light.wgsl");
-        embedded_asset!(app, "fill.wgsl");
         app.init_resource::<volume::ForwardDrawn>()
             .add_observer(drop_with::<FrugalGi, ForwardCamera>)
             .add_observer(volume::despawn)
@@ -69,26 +75,186 @@ impl Plugin for ForwardPlugin {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
             .insert_resource(drawn)
-            .init_gpu_resource::<passes::ForwardKernels>()
+            .init_gpu_resource::<ForwardKernels>()
             .add_observer(drop_with::<GiView, ForwardView>)
             .add_systems(ExtractSchedule, volume::extract)
             .add_systems(
                 Render,
                 (
                     volume::note_drawn.in_set(RenderSystems::PhaseSort),
-                    passes::prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
+                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
                     view::prepare.in_set(PrepareSystems::Forward),
                 ),
             )
             .add_systems(
                 Core3d,
                 (
-                    passes::light.in_set(PassSystems::Forward),
-                    passes::fill
-                        .in_set(Core3dSystems::MainPass)
+                    light.in_set(PassSystems::Forward),
+                    fill.in_set(Core3dSystems::MainPass)
                         .after(GiSystems::Composite)
                         .before(main_opaque_pass_3d),
                 ),
             );
     }
+}
+
+/// The pipelines. They are queued once a camera has a volume.
+#[derive(Resource)]
+struct ForwardKernels {
+    light: TracedKernel,
+    sky: TracedKernel,
+    fill: Kernel,
+    blacken: Kernel,
+}
+
+impl FromWorld for ForwardKernels {
+    fn from_world(world: &mut World) -> Self {
+        let compute = ShaderStages::COMPUTE;
+        let volume =
+            || uniform_buffer_sized(false, BufferSize::new(size_of::<VolumeSettings>() as u64));
+        let view = uniform_buffer::<ViewUniform>(true);
+        let lit =
+            BindGroupLayoutEntries::sequential(compute, (volume(), write(), read(), read(), view));
+        let lit_by_sky =
+            BindGroupLayoutEntries::sequential(compute, (volume(), write(), read(), read()));
+        let voxels =
+            texture_storage_3d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+        let filled = BindGroupLayoutEntries::sequential(compute, (volume(), read(), voxels));
+        let (light, fill) =
+            (load_embedded_asset!(world, "light.wgsl"), load_embedded_asset!(world, "probe.wgsl"));
+        let traced = |label, entries: &[BindGroupLayoutEntry], definition: &str| {
+            TracedKernel::new(label, "light_probes", &light, entries, vec![definition.into()])
+        };
+        Self {
+            light: traced("frugal_gi/forward/light", &lit, "FACING"),
+            sky: traced("frugal_gi/forward/sky", &lit_by_sky, "SKY"),
+            fill: Kernel::new("frugal_gi/forward/fill", "fill", &fill, &filled),
+            blacken: Kernel::new("frugal_gi/forward/blacken", "blacken", &fill, &filled),
+        }
+    }
+}
+
+/// Queues the pipelines of cameras that have a volume.
+fn prepare_pipelines(
+    mut kernels: ResMut<ForwardKernels>,
+    cache: Res<PipelineCache>,
+    occluders: Res<OccluderBuffers>,
+    cameras: Query<Has<SkyCamera>, With<ForwardCamera>>,
+) {
+    for has_sky in &cameras {
+        kernels.fill.queue(&cache, Vec::new());
+        kernels.blacken.queue(&cache, Vec::new());
+        for has_masks in [false, occluders.are_masked()] {
+            kernels.light.queue(&cache, has_masks);
+            if has_sky {
+                kernels.sky.queue(&cache, has_masks);
+            }
+        }
+    }
+}
+
+/// In a GI camera's view: lights some places around it, and blackens its volume for deferred lighting.
+fn light(
+    view: ViewQuery<(
+        &GiView,
+        &VplView,
+        &ForwardView,
+        &ForwardCamera,
+        &ViewUniformOffset,
+        Option<&SkyCamera>,
+    )>,
+    kernels: Res<ForwardKernels>,
+    occluders: Res<OccluderBuffers>,
+    cache: Res<PipelineCache>,
+    images: Res<RenderAssets<GpuImage>>,
+    view_uniforms: Res<ViewUniforms>,
+    mut context: RenderContext,
+) {
+    let (view, vpl, forward, camera, view_offset, sky) = view.into_inner();
+    write_volume(&kernels.blacken, &cache, &images, forward, camera, &mut context);
+    let has_masks = occluders.are_masked();
+    let (Some(views), Some(light), Some(traced_group)) = (
+        view_uniforms.uniforms.binding(),
+        kernels.light.get(&cache, has_masks),
+        occluders.bind_group(),
+    ) else {
+        return;
+    };
+    if forward.lit() == 0 {
+        return;
+    }
+    let (settings, probes) =
+        (forward.settings_buffer.as_entire_binding(), forward.probes.as_entire_binding());
+    let lighting = kernels.light.kernel.bind(
+        &context,
+        &cache,
+        &BindGroupEntries::sequential((
+            settings.clone(),
+            probes.clone(),
+            vpl.vpls.as_entire_binding(),
+            vpl.plan_buffer.as_entire_binding(),
+            views,
+        )),
+    );
+    let by_sky = sky.filter(|_| view.sky_samples > 0).and_then(|sky| {
+        let pipeline = kernels.sky.get(&cache, has_masks)?;
+        let samples = sky.samples.as_entire_binding();
+        let plan = sky.plan_buffer.as_entire_binding();
+        let entries = BindGroupEntries::sequential((settings, probes, samples, plan));
+        Some((pipeline, kernels.sky.kernel.bind(&context, &cache, &entries)))
+    });
+    let clears = [(&forward.probes, 0, None)];
+    let clears = if forward.begins { &clears[..] } else { &[] };
+    compute_pass(&mut context, "frugal_gi/forward", clears, |pass| {
+        let groups = forward.lit().div_ceil(64);
+        pass.set_bind_group(1, traced_group, &[]);
+        pass.set_pipeline(light);
+        pass.set_bind_group(0, &lighting, &[view_offset.offset]);
+        pass.dispatch_workgroups(groups, 1, 1);
+        if let Some((pipeline, bind_group)) = &by_sky {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, bind_group, &[]);
+            pass.dispatch_workgroups(groups, 1, 1);
+        }
+    });
+}
+
+/// In a GI camera's view, after deferred lighting and before other meshes: fills its volume.
+fn fill(
+    view: ViewQuery<(&ForwardView, &ForwardCamera)>,
+    kernels: Res<ForwardKernels>,
+    cache: Res<PipelineCache>,
+    images: Res<RenderAssets<GpuImage>>,
+    mut context: RenderContext,
+) {
+    let (forward, camera) = view.into_inner();
+    // What is not blackened in the next frame would light deferred meshes, too.
+    if kernels.blacken.get(&cache, &[]).is_some() {
+        write_volume(&kernels.fill, &cache, &images, forward, camera, &mut context);
+    }
+}
+
+fn write_volume(
+    kernel: &Kernel,
+    cache: &PipelineCache,
+    images: &RenderAssets<GpuImage>,
+    forward: &ForwardView,
+    camera: &ForwardCamera,
+    context: &mut RenderContext,
+) {
+    let (Some(pipeline), Some(image)) = (kernel.get(cache, &[]), images.get(camera.image)) else {
+        return;
+    };
+    let entries = BindGroupEntries::sequential((
+        forward.settings_buffer.as_entire_binding(),
+        forward.probes.as_entire_binding(),
+        &image.texture_view,
+    ));
+    let bind_group = kernel.bind(context, cache, &entries);
+    compute_pass(context, "frugal_gi/forward/volume", &[], |pass| {
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        let groups = PLACES / 4;
+        pass.dispatch_workgroups(groups.x, groups.y, groups.z);
+    });
 }

@@ -1,7 +1,6 @@
 //! A camera's places: their buffers, and what happens to them in a frame.
 
-use bevy::ecs::prelude::*;
-use bevy::math::IVec3;
+use bevy::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bytemuck::{Pod, Zeroable};

@@ -4,23 +4,21 @@
 use std::any::TypeId;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bevy::asset::{AssetId, Assets, RenderAssetUsages};
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::Exposure;
 use bevy::camera::visibility::{RenderLayers, VisibleEntities};
-use bevy::camera::{Camera, Exposure};
 use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
 use bevy::ecs::entity::EntityHashSet;
-use bevy::ecs::prelude::*;
-use bevy::image::{Image, ImageSampler};
+use bevy::image::ImageSampler;
+use bevy::light::IrradianceVolume;
 use bevy::light::cluster::ClusterVisibilityClass;
-use bevy::light::{IrradianceVolume, LightProbe};
-use bevy::math::{IVec3, UVec3, Vec3};
 use bevy::pbr::Transmissive3d;
+use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::render_phase::{ViewBinnedRenderPhases, ViewSortedRenderPhases};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
 use bevy::render::sync_world::{MainEntity, RenderEntity};
 use bevy::render::view::ExtractedView;
-use bevy::transform::components::{GlobalTransform, Transform};
 
 use crate::gi::settings::{FrugalGi, GiOutput};
 

@@ -1,40 +1,36 @@
 //! The gather: irradiance from a camera's VPLs and sky at low-resolution pixels.
 
-mod view;
-
-use bevy::app::{App, Plugin};
-use bevy::asset::{embedded_asset, load_embedded_asset};
+use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
-use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
+use bevy::render::texture::CachedTexture;
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{ShaderDefVal, load_shader_library};
+use bytemuck::{Pod, Zeroable};
 
-use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with, read};
+use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, filled_buffer, read};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
-use super::trace::OccluderBuffers;
+use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
 use super::vpl::VplView;
-pub(super) use view::{
-    GatherSettings, GatherView, irradiance_texture, low_resolution_texture, texture_bytes,
-    texture_size,
-};
+
+/// Label of irradiance textures.
+const IRRADIANCE: &str = "frugal_gi/gather/irradiance";
 
 pub(super) struct GatherPlugin;
 
 impl Plugin for GatherPlugin {
     fn build(&self, app: &mut App) {
-        load_shader_library!(app, "settings.wgsl");
-        load_shader_library!(app, "irradiance.wgsl");
-        embedded_asset!(app, "gather.wgsl");
+        load_shader_library!(app, "gather.wgsl");
     }
 
     fn finish(&self, app: &mut App) {
@@ -45,129 +41,91 @@ impl Plugin for GatherPlugin {
             .add_systems(
                 Render,
                 (
-                    prepare_sky_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    (view::prepare, prepare_masked_pipelines).in_set(PrepareSystems::Gather),
+                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
+                    prepare.in_set(PrepareSystems::Gather),
                 ),
             )
             .add_systems(Core3d, gather.in_set(PassSystems::Gather));
     }
 }
 
-/// What a gather takes into account.
-#[derive(Clone, Copy)]
-struct GatherKind {
-    visibility: GiVisibility,
-    /// Needs rays.
-    has_sky: bool,
-    /// Whether rays test alpha masks.
-    has_masks: bool,
-}
-
-impl GatherKind {
-    /// Index of its kernel.
-    fn kernel(self) -> usize {
-        if self.visibility.rays() == 0 { 0 } else { 1 + usize::from(self.has_sky) }
-    }
-
-    fn definitions(self) -> Vec<ShaderDefVal> {
-        let rays = |name: &str, count| ShaderDefVal::UInt(name.into(), count);
-        let mut all = definitions([(self.has_masks, "MASKS")]);
-        if self.visibility.rays() > 0 {
-            all.push(rays("RAYS", self.visibility.rays()));
-        }
-        if self.has_sky {
-            all.push(rays("SKY_RAYS", self.visibility.sky_rays()));
-        }
-        all
-    }
-}
-
 /// Pipelines without a sky and alpha masks are queued from the beginning, others once a camera needs
 /// them.
-///
-/// Without rays; with rays; with rays and a sky.
 #[derive(Resource)]
-pub(super) struct GatherKernels([Kernel; 3]);
+pub(super) struct GatherKernels {
+    without_rays: Kernel,
+    /// With few rays, and with many; each without a sky and with one.
+    traced: [[TracedKernel; 2]; 2],
+}
+
+/// Index of the kernels for so many rays.
+fn index(visibility: GiVisibility) -> usize {
+    usize::from(visibility == GiVisibility::Fine)
+}
+
+/// Definitions of a gather that traces.
+pub(super) fn ray_definitions(visibility: GiVisibility, has_sky: bool) -> Vec<ShaderDefVal> {
+    let mut all = vec![ShaderDefVal::UInt("RAYS".into(), visibility.rays())];
+    if has_sky {
+        all.push(ShaderDefVal::UInt("SKY_RAYS".into(), visibility.sky_rays()));
+    }
+    all
+}
 
 impl FromWorld for GatherKernels {
     fn from_world(world: &mut World) -> Self {
-        let settings =
-            uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64));
-        let target =
-            texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-        let (g_buffer, depth, view) = (
-            texture_2d(TextureSampleType::Uint),
-            texture_depth_2d(),
-            uniform_buffer::<ViewUniform>(true),
-        );
-        let compute = ShaderStages::COMPUTE;
         let without_sky = BindGroupLayoutEntries::sequential(
-            compute,
-            (g_buffer, depth, view, read(), settings, read(), target),
+            ShaderStages::COMPUTE,
+            (
+                texture_2d(TextureSampleType::Uint),
+                texture_depth_2d(),
+                uniform_buffer::<ViewUniform>(true),
+                read(),
+                uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64)),
+                read(),
+                texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
+            ),
         );
-        let with_sky = BindGroupLayoutEntries::sequential(
-            compute,
-            (g_buffer, depth, view, read(), settings, read(), target, read(), read()),
-        );
+        let sky =
+            BindGroupLayoutEntries::with_indices(ShaderStages::COMPUTE, ((7, read()), (8, read())));
+        let with_sky = [&*without_sky, &*sky].concat();
+        let (label, entry_point) = ("frugal_gi/gather", "gather_vpls");
         let shader = load_embedded_asset!(world, "gather.wgsl");
-        let kernel = |label, entries: &[BindGroupLayoutEntry]| {
-            Kernel::new(label, "gather_vpls", &shader, entries)
+        let traced = |visibility| {
+            [(false, &without_sky[..]), (true, &with_sky[..])].map(|(has_sky, entries)| {
+                let definitions = ray_definitions(visibility, has_sky);
+                TracedKernel::new(label, entry_point, &shader, entries, definitions)
+            })
         };
-        let traced = |kernel: Kernel| kernel.with_group(OccluderBuffers::layout());
-        let mut kernels = Self([
-            kernel("frugal_gi/gather", &without_sky),
-            traced(kernel("frugal_gi/gather", &without_sky)),
-            traced(kernel("frugal_gi/gather/sky", &with_sky)),
-        ]);
-        for visibility in GiVisibility::ALL {
-            let kind = GatherKind { visibility, has_sky: false, has_masks: false };
-            kernels.queue(world.resource(), kind);
-        }
+        let mut kernels = Self {
+            without_rays: Kernel::new(label, entry_point, &shader, &without_sky),
+            traced: [GiVisibility::Coarse, GiVisibility::Fine].map(traced),
+        };
+        let cache = world.resource::<PipelineCache>();
+        kernels.without_rays.queue(cache, Vec::new());
+        kernels.traced.iter_mut().for_each(|[without_sky, _]| without_sky.queue(cache, false));
         kernels
     }
 }
 
-impl GatherKernels {
-    fn queue(&mut self, cache: &PipelineCache, kind: GatherKind) {
-        self.0[kind.kernel()].queue(cache, kind.definitions());
-    }
-
-    /// The pipeline of a kind, if it is compiled; until then, the one that treats all triangles as
-    /// solid.
-    fn get<'a>(&self, cache: &'a PipelineCache, kind: GatherKind) -> Option<&'a ComputePipeline> {
-        let compiled = |kind: GatherKind| self.0[kind.kernel()].get(cache, &kind.definitions());
-        compiled(kind).or_else(|| compiled(GatherKind { has_masks: false, ..kind }))
-    }
-}
-
-/// Queues the pipelines that gather a sky, and keeps a sky inactive until its own is compiled.
-fn prepare_sky_pipelines(
+/// Queues the pipelines that cameras need, and keeps a sky inactive until its own is compiled.
+fn prepare_pipelines(
     mut kernels: ResMut<GatherKernels>,
     cache: Res<PipelineCache>,
-    mut skies: Query<(&FrugalGi, &mut SkyCamera)>,
-) {
-    for (gi, mut sky) in &mut skies {
-        let kind = GatherKind { visibility: gi.visibility, has_sky: true, has_masks: false };
-        kernels.queue(&cache, kind);
-        sky.is_active &= kernels.get(&cache, kind).is_some();
-    }
-}
-
-/// Queues the pipelines that test alpha masks, where there are any.
-fn prepare_masked_pipelines(
-    mut kernels: ResMut<GatherKernels>,
     occluders: Res<OccluderBuffers>,
-    cache: Res<PipelineCache>,
-    cameras: Query<(&FrugalGi, Has<SkyCamera>)>,
+    mut cameras: Query<(&FrugalGi, Option<&mut SkyCamera>)>,
 ) {
-    if !occluders.are_masked() {
-        return;
-    }
-    for (gi, has_sky) in cameras.iter().filter(|(gi, _)| gi.traces()) {
-        // The sky may be inactive.
-        for has_sky in [false, has_sky] {
-            let kind = GatherKind { visibility: gi.visibility, has_sky, has_masks: true };
-            kernels.queue(&cache, kind);
+    for (gi, sky) in cameras.iter_mut().filter(|(gi, _)| gi.traces()) {
+        let [without_sky, with_sky] = &mut kernels.traced[index(gi.visibility)];
+        for has_masks in [false, occluders.are_masked()] {
+            // The sky may be inactive.
+            without_sky.queue(&cache, has_masks);
+            if sky.is_some() {
+                with_sky.queue(&cache, has_masks);
+            }
+        }
+        if let Some(mut sky) = sky {
+            sky.is_active &= with_sky.get(&cache, false).is_some();
         }
     }
 }
@@ -194,18 +152,17 @@ pub(super) fn gather(
     }
     let sky = sky.filter(|_| view.sky_samples > 0);
     let is_traced = view.gi.visibility != GiVisibility::None;
-    let kind = GatherKind {
-        visibility: view.gi.visibility,
-        has_sky: sky.is_some(),
-        has_masks: is_traced && occluders.are_masked(),
+    let (kernel, pipeline) = if is_traced {
+        let traced = &kernels.traced[index(view.gi.visibility)][usize::from(sky.is_some())];
+        (&traced.kernel, traced.get(&cache, occluders.are_masked()))
+    } else {
+        (&kernels.without_rays, kernels.without_rays.get(&cache, &[]))
     };
-    let (Some(camera), Some(pipeline)) =
-        (CameraInputs::new(prepass, &view_uniforms), kernels.get(&cache, kind))
+    let (Some(camera), Some(pipeline)) = (CameraInputs::new(prepass, &view_uniforms), pipeline)
     else {
         return;
     };
-    let traced = if is_traced { occluders.bind_group() } else { None };
-    let entries = DynamicBindGroupEntries::sequential((
+    let mut entries = DynamicBindGroupEntries::sequential((
         camera.g_buffer,
         camera.depth,
         camera.views,
@@ -214,23 +171,131 @@ pub(super) fn gather(
         vpl.plan_buffer.as_entire_binding(),
         &gather.irradiance.default_view,
     ));
-    let entries = match sky {
-        Some(sky) => entries.extend_sequential((
-            sky.samples.as_entire_binding(),
-            sky.plan_buffer.as_entire_binding(),
-        )),
-        None => entries,
-    };
-    let bind_group = kernels.0[kind.kernel()].bind(&context, &cache, &entries);
+    if let Some(SkyCamera { samples, plan_buffer: plan, .. }) = sky {
+        entries =
+            entries.extend_sequential((samples.as_entire_binding(), plan.as_entire_binding()));
+    }
+    let bind_group = kernel.bind(&context, &cache, &entries);
     let size = gather.irradiance.texture.size();
     compute_pass(&mut context, "frugal_gi/gather", &[], |pass| {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
-        if let Some(traced) = traced {
-            pass.set_bind_group(1, traced, &[]);
+        if let Some(occluders) = occluders.bind_group().filter(|_| is_traced) {
+            pass.set_bind_group(1, occluders, &[]);
         }
         let across = 8 * vpl.plan.interleave;
         let (width, height) = (size.width.div_ceil(across), size.height.div_ceil(across));
         pass.dispatch_workgroups(width, height, vpl.plan.sets);
     });
+}
+
+/// The irradiance of a GI camera. In the render world.
+#[derive(Component)]
+pub(super) struct GatherView {
+    /// Irradiance of each low-resolution pixel: as gathered, then denoised where there is a filter.
+    pub irradiance: CachedTexture,
+    /// That of the frame before, of views that filter. It may have another resolution.
+    pub previous: Option<CachedTexture>,
+    pub settings: Buffer,
+}
+
+impl GatherView {
+    /// Makes the irradiance [`previous`](Self::previous), and the other texture the one to gather
+    /// into.
+    pub(super) fn swap(&mut self, device: &RenderDevice, cells: UVec2) {
+        let other = self.previous.take().filter(|texture| texture_size(texture) == cells);
+        let other = other.unwrap_or_else(|| irradiance_texture(device, IRRADIANCE, cells));
+        self.previous = Some(std::mem::replace(&mut self.irradiance, other));
+    }
+
+    /// Bytes held on the GPU.
+    pub(super) fn bytes(&self) -> u64 {
+        texture_bytes(&self.irradiance)
+            + self.previous.as_ref().map_or(0, texture_bytes)
+            + self.settings.size()
+    }
+}
+
+/// `gather/gather.wgsl`'s `Gather`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct GatherSettings {
+    cell: [u32; 2],
+    padding: [u32; 2],
+}
+
+/// A texture of irradiance at low resolution.
+pub(super) fn irradiance_texture(
+    device: &RenderDevice,
+    label: &'static str,
+    cells: UVec2,
+) -> CachedTexture {
+    low_resolution_texture(device, label, cells, TextureFormat::Rgba16Float)
+}
+
+/// A texture with a texel for each low-resolution pixel. Not from Bevy's cache, whose textures may
+/// go to another camera in the next frame: what it holds must persist.
+pub(super) fn low_resolution_texture(
+    device: &RenderDevice,
+    label: &'static str,
+    cells: UVec2,
+    format: TextureFormat,
+) -> CachedTexture {
+    let texture = device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: cells.x, height: cells.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::STORAGE_BINDING
+            | TextureUsages::TEXTURE_BINDING
+            | TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let default_view = texture.create_view(&TextureViewDescriptor::default());
+    CachedTexture { texture, default_view }
+}
+
+/// Pixels along both axes.
+pub(super) fn texture_size(texture: &CachedTexture) -> UVec2 {
+    UVec2::new(texture.texture.width(), texture.texture.height())
+}
+
+/// Bytes of a [`low_resolution_texture`].
+pub(super) fn texture_bytes(texture: &CachedTexture) -> u64 {
+    let size = texture_size(texture).as_u64vec2();
+    let texel = texture.texture.format().block_copy_size(None).unwrap_or(0);
+    size.x * size.y * u64::from(texel)
+}
+
+/// Gives every view its irradiance texture and its settings.
+fn prepare(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut views: Query<(Entity, &GiView, Option<&mut GatherView>), With<VplView>>,
+) {
+    for (entity, view, held) in &mut views {
+        let cell = view.gi.pixel_fraction.cell().into();
+        let settings = GatherSettings { cell, padding: [0; 2] };
+        let settings = bytemuck::bytes_of(&settings);
+        let (label, usage) = ("frugal_gi/gather/settings", BufferUsages::UNIFORM);
+        let Some(mut held) = held else {
+            commands.entity(entity).insert(GatherView {
+                irradiance: irradiance_texture(&device, IRRADIANCE, view.cells()),
+                previous: None,
+                settings: filled_buffer(&device, label, settings, usage),
+            });
+            continue;
+        };
+        queue.write_buffer(&held.settings, 0, settings);
+        // Those that filter swap textures when their history advances.
+        if !view.gi.filters() {
+            held.previous = None;
+            if texture_size(&held.irradiance) != view.cells() {
+                held.irradiance = irradiance_texture(&device, IRRADIANCE, view.cells());
+            }
+        }
+    }
 }

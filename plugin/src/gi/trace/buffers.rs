@@ -11,6 +11,7 @@ use super::mesh::{Instance, TriangleWords};
 use super::mirror::Upload;
 use super::occluders::{GiOccluders, OccluderScene};
 use super::wide::WideNode;
+use crate::gi::compute::empty_buffer;
 use crate::gi::settings::FrugalGi;
 use crate::gi::texels::TexelStore;
 use crate::gi::view::SkySource;
@@ -51,25 +52,19 @@ impl ArrayBuffer {
         bytes: usize,
         (device, queue): (&RenderDevice, &RenderQueue),
     ) -> (u64, bool) {
-        let mut is_new = false;
         let pending = self.pending.take();
         let Some(upload) = pending.or_else(|| self.buffer.is_none().then(Upload::default)) else {
             return (0, false);
         };
-        // One that has grown is likely to grow again.
-        let has_grown = self.buffer.is_some();
         let needed = upload.count.max(nothing.len().div_ceil(bytes));
-        if self.capacity(bytes) < needed {
-            let spare = if has_grown { needed / 2 } else { 0 };
+        let is_new = self.capacity(bytes) < needed;
+        if is_new {
+            // One that has grown is likely to grow again.
+            let spare = if self.buffer.is_some() { needed / 2 } else { 0 };
             let most = device.limits().max_storage_buffer_binding_size / bytes as u64;
             let count = ((needed + spare) as u64).min(most).max(needed as u64);
-            self.buffer = Some(device.create_buffer(&BufferDescriptor {
-                label: Some(label),
-                size: count * bytes as u64,
-                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }));
-            is_new = true;
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+            self.buffer = Some(empty_buffer(device, label, count * bytes as u64, usage));
         }
         let Some(buffer) = &self.buffer else { return (0, false) };
         let mut written = 0;
@@ -154,11 +149,7 @@ impl OccluderBuffers {
 
     /// Bytes held on the GPU.
     pub(crate) fn bytes(&self) -> u64 {
-        self.arrays
-            .iter()
-            .filter_map(|array| array.buffer.as_ref())
-            .map(|buffer| buffer.size())
-            .sum()
+        self.arrays.iter().filter_map(|array| Some(array.buffer.as_ref()?.size())).sum()
     }
 
     /// Bytes uploaded in this frame.

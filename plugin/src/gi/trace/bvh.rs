@@ -56,15 +56,6 @@ impl Node {
     }
 }
 
-/// How long a tree may take to build.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Effort {
-    /// It is traversed in many frames.
-    ForLong,
-    /// It is built anew soon.
-    ForNow,
-}
-
 /// Nodes in depth-first order, and the primitives in the order in which leaves name them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct FlatBvh {
@@ -75,8 +66,9 @@ pub(crate) struct FlatBvh {
 }
 
 impl FlatBvh {
-    /// A tree over boxes of (lower, upper) corners, all finite.
-    pub(crate) fn new(boxes: &[(Vec3A, Vec3A)], effort: Effort) -> Self {
+    /// A tree over boxes of (lower, upper) corners, all finite. `effort`: more for one that is
+    /// traversed in many frames.
+    pub(crate) fn new(boxes: &[(Vec3A, Vec3A)], effort: BvhBuildParams) -> Self {
         let boxes: Vec<Aabb> = boxes
             .iter()
             .map(|(min, max)| Aabb { min: min.to_array().into(), max: max.to_array().into() })
@@ -88,11 +80,7 @@ impl FlatBvh {
                 Self { nodes: vec![Node { leaf: 1, skip: 1, ..boxed(&boxes[0]) }], order: vec![0] }
             }
             _ => {
-                let params = match effort {
-                    Effort::ForLong => BvhBuildParams::medium_build(),
-                    Effort::ForNow => BvhBuildParams::very_fast_build(),
-                };
-                let params = BvhBuildParams { max_prims_per_leaf: 4, ..params };
+                let params = BvhBuildParams { max_prims_per_leaf: 4, ..effort };
                 flatten(&obvhs::bvh2::builder::build_bvh2(&boxes, params, &mut Duration::default()))
             }
         }
@@ -136,12 +124,7 @@ pub(super) fn half_area(side: Vec3A) -> f32 {
 }
 
 fn boxed(aabb: &Aabb) -> Node {
-    Node {
-        min: [aabb.min.x, aabb.min.y, aabb.min.z],
-        skip: 0,
-        max: [aabb.max.x, aabb.max.y, aabb.max.z],
-        leaf: 0,
-    }
+    Node { min: aabb.min.to_array(), skip: 0, max: aabb.max.to_array(), leaf: 0 }
 }
 
 fn flatten(tree: &Bvh2) -> FlatBvh {

@@ -9,7 +9,7 @@ fn a_refitted_tree_holds_primitives_where_they_moved() {
     };
     for count in [1, 2, 5, 100] {
         let before: Vec<_> = (0..count).map(|index| place(index, 0.0)).collect();
-        let FlatBvh { mut nodes, order } = FlatBvh::new(&before, Effort::ForLong);
+        let FlatBvh { mut nodes, order } = FlatBvh::new(&before, BvhBuildParams::medium_build());
         let in_order = |shift: f32| -> Vec<_> {
             order.iter().map(|index| place(*index as usize, shift)).collect()
         };
@@ -39,7 +39,7 @@ fn skip_links_lead_forward_and_leaves_name_every_triangle_once() {
             .iter()
             .map(|[a, b, c]| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into()))
             .collect::<Vec<_>>(),
-        Effort::ForLong,
+        BvhBuildParams::medium_build(),
     );
     let mut visits = vec![0; 777];
     for (index, node) in bvh.nodes.iter().enumerate() {

@@ -7,10 +7,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bevy::platform::collections::HashMap;
+use range_alloc::RangeAllocator;
 
-use super::arena::Arena;
-use super::mesh::{MeshBvh, TriangleWords};
-use super::micromap::SOLID;
+use super::mesh::{MeshBvh, SOLID, TriangleWords};
 use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::trees::{JointBvhs, Tree, TreeKey, Trees};
 use super::wide::WideNode;
@@ -33,30 +32,43 @@ struct PlacedTree {
     pieces: Vec<PlacedPiece>,
 }
 
+/// Which ranges of an array are in use.
+#[derive(Debug)]
+struct Ranges(RangeAllocator<usize>);
+
+impl Default for Ranges {
+    fn default() -> Self {
+        Self(RangeAllocator::new(0..usize::MAX))
+    }
+}
+
+impl Ranges {
+    /// A range of `count` items that nothing uses; `None` where that would reach beyond `most` items.
+    fn take(&mut self, count: usize, most: usize) -> Option<Range<usize>> {
+        let range = self.0.allocate_range(count).ok()?;
+        if range.end <= most {
+            return Some(range);
+        }
+        self.0.free_range(range);
+        None
+    }
+}
+
 /// Trees of all meshes.
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
     pub nodes: Mirrored<WideNode>,
     pub triangles: Mirrored<TriangleWords>,
-    node_ranges: Arena,
-    triangle_ranges: Arena,
+    node_ranges: Ranges,
+    triangle_ranges: Ranges,
     placed: HashMap<TreeKey, PlacedTree>,
     /// Number of pieces with holes.
-    masked: usize,
-    triangle_count: usize,
+    pub masked: usize,
+    /// Number of triangles in all trees.
+    pub triangle_count: usize,
 }
 
 impl Geometry {
-    /// Whether any triangle has holes.
-    pub(super) fn is_masked(&self) -> bool {
-        self.masked > 0
-    }
-
-    /// Number of triangles in all trees.
-    pub(super) fn triangle_count(&self) -> usize {
-        self.triangle_count
-    }
-
     /// The root of what a joint moves.
     pub(super) fn root_of(&self, key: &TreeKey, joint: u16) -> Option<u32> {
         let pieces = &self.placed.get(key)?.pieces;
@@ -64,14 +76,9 @@ impl Geometry {
         Some(pieces[place].nodes.start as u32)
     }
 
-    /// Takes out trees that are gone or were built anew, and puts in those that are ready, `order`
-    /// telling which come first; buffers have at most `most` bytes. Returns the keys of all of them.
-    pub(super) fn update<O: Ord>(
-        &mut self,
-        trees: &Trees,
-        order: impl FnOnce(&[TreeKey]) -> HashMap<TreeKey, O>,
-        most: usize,
-    ) -> Vec<TreeKey> {
+    /// Takes out trees that are gone or were built anew, and puts in those that are ready; buffers
+    /// have at most `most` bytes. Returns the keys of all of them.
+    pub(super) fn update(&mut self, trees: &Trees, most: usize) -> Vec<TreeKey> {
         let is_kept = |key: &TreeKey, placed: &PlacedTree| match trees.values.get(key) {
             Some(Tree::Ready(tree)) => Arc::ptr_eq(tree, &placed.tree),
             _ => false,
@@ -91,16 +98,13 @@ impl Geometry {
                 _ => None,
             })
             .collect();
-        if new.is_empty() {
-            return changed;
-        }
-        // Hash order is arbitrary; sorting keeps the arrays the same in every run.
-        let keys: Vec<TreeKey> = new.iter().map(|(key, _)| *key).collect();
-        let order = order(&keys);
-        new.sort_by(|a, b| order.get(&a.0).cmp(&order.get(&b.0)));
+        // Hash order is arbitrary.
+        new.sort_by_key(|(key, _)| key.mesh);
         for (key, tree) in new {
             changed.push(key);
-            self.put_in(key, tree, most);
+            let pieces = tree.iter().filter_map(|(joint, piece)| self.place(*joint, piece, most));
+            let pieces = pieces.collect();
+            self.placed.insert(key, PlacedTree { tree, pieces });
         }
         changed
     }
@@ -109,27 +113,24 @@ impl Geometry {
         for piece in self.placed.remove(key).map(|tree| tree.pieces).unwrap_or_default() {
             self.masked -= usize::from(piece.is_masked);
             self.triangle_count -= piece.triangles.len();
-            self.node_ranges.give(piece.nodes);
-            self.triangle_ranges.give(piece.triangles);
+            self.node_ranges.0.free_range(piece.nodes);
+            self.triangle_ranges.0.free_range(piece.triangles);
         }
     }
 
-    fn put_in(&mut self, key: TreeKey, tree: Arc<JointBvhs>, most: usize) {
-        let pieces = tree.iter().filter_map(|(joint, piece)| self.place(*joint, piece, most));
-        let pieces = pieces.collect();
-        self.placed.insert(key, PlacedTree { tree, pieces });
-    }
-
-    /// Writes a piece; `None` if there is no room for it.
+    /// Writes a piece; `None` if it is empty, or there is no room for it.
     fn place(&mut self, joint: u16, piece: &MeshBvh, most: usize) -> Option<PlacedPiece> {
+        if piece.nodes.is_empty() {
+            return None;
+        }
         let room = |bytes: usize| most / bytes;
         let nodes = self.node_ranges.take(piece.nodes.len(), room(size_of::<WideNode>()));
         let triangles =
             self.triangle_ranges.take(piece.triangles.len(), room(size_of::<TriangleWords>()));
         let (Some(nodes), Some(triangles)) = (nodes.clone(), triangles.clone()) else {
             warn_of_full_buffer();
-            self.node_ranges.give(nodes.unwrap_or_default());
-            self.triangle_ranges.give(triangles.unwrap_or_default());
+            nodes.into_iter().for_each(|range| self.node_ranges.0.free_range(range));
+            triangles.into_iter().for_each(|range| self.triangle_ranges.0.free_range(range));
             return None;
         };
         let moved: Vec<WideNode> =
@@ -181,13 +182,12 @@ mod tests {
             let at = Vec3::X * index as f32;
             ([at, at + Vec3::X, at + Vec3::Y], SOLID)
         };
-        Tree::Ready(Arc::new(JointBvhs::new(vec![(0, MeshBvh::new((0..count).map(triangle)))])))
+        Tree::Ready(Arc::new(vec![(0, MeshBvh::new((0..count).map(triangle)))]))
     }
 
     fn update(geometry: &mut Geometry, trees: &Trees, most: usize) -> usize {
         geometry.end_version();
-        let in_order = |keys: &[TreeKey]| keys.iter().map(|key| (*key, key.mesh)).collect();
-        geometry.update(trees, in_order, most).len()
+        geometry.update(trees, most).len()
     }
 
     #[test]
@@ -197,7 +197,7 @@ mod tests {
             trees.values.insert(key(number), tree(count));
         }
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 3);
-        assert_eq!(geometry.triangle_count(), 19);
+        assert_eq!(geometry.triangle_count, 19);
         let place = geometry.root_of(&key(3), 0).expect("placed");
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 0, "nothing changed");
 
@@ -230,9 +230,9 @@ mod tests {
         update(&mut geometry, &trees, usize::MAX);
         trees.values.insert(key(1), tree(3));
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 2, "taken out, and put in");
-        assert_eq!(geometry.triangle_count(), 3);
+        assert_eq!(geometry.triangle_count, 3);
         geometry.clear();
-        assert_eq!((geometry.triangle_count(), geometry.triangles.len()), (0, 0));
+        assert_eq!((geometry.triangle_count, geometry.triangles.len()), (0, 0));
         assert_eq!(update(&mut geometry, &trees, usize::MAX), 1);
     }
 
@@ -245,6 +245,6 @@ mod tests {
         let most = 110 * size_of::<TriangleWords>();
         update(&mut geometry, &trees, most);
         let placed = (1..=3).filter(|number| geometry.root_of(&key(*number), 0).is_some());
-        assert_eq!((placed.count(), geometry.triangle_count()), (2, 100));
+        assert_eq!((placed.count(), geometry.triangle_count), (2, 100));
     }
 }

@@ -1,4 +1,9 @@
-//! A mesh's triangles in a tree, and an instance of it.
+//! A mesh's triangles in a tree, with opacity micromaps of alpha masks, and an instance of it.
+//!
+//! A triangle is divided into 8 × 8 equal micro-triangles, with one bit of opacity each (Gruen,
+//! Benthin and Woop 2020, "Sub-triangle Opacity Masks for Faster Ray Tracing of Transparent
+//! Objects"). The 64 bits lie in the padding of a triangle's three vectors: holes take no memory
+//! and no texture reads, and cost nothing for rays that hit no triangle.
 
 use bevy::math::{Affine3A, Vec3, Vec3A};
 use bytemuck::{Pod, Zeroable};
@@ -10,8 +15,16 @@ use crate::gi::surfaces::{MAX_COORDINATE, is_in_range};
 /// left out: they occlude nothing, and their determinant vanishes.
 const MIN_AREA: f32 = 1e-12;
 
-/// `trace/trace.wgsl`'s `Triangle`: a corner and two edges, and an opacity micromap (see
-/// `micromap`).
+/// Micro-triangles along each side of a triangle.
+const SIDE: u32 = 8;
+/// Samples of the mask in each micro-triangle. Higher values resolve many holes in one triangle
+/// better, and take longer.
+const SAMPLES: u32 = 8;
+
+/// A triangle without holes.
+pub(crate) const SOLID: u64 = u64::MAX;
+
+/// `trace/trace.wgsl`'s `Triangle`: a corner and two edges, and an opacity micromap.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct TriangleWords {
@@ -132,6 +145,55 @@ pub(super) fn instance(
     let offset = inverse.translation.to_array();
     let local_from_world = std::array::from_fn(|row| [x[row], y[row], z[row], offset[row]]);
     Some((Instance { local_from_world, root, padding: [0; 3] }, bounds))
+}
+
+/// The micromap of a mask. `is_opaque`: whether a point, given by barycentric weights of the second
+/// and third corner (each in [0, 1], together at most 1), is opaque.
+///
+/// A partly opaque micro-triangle is rounded to one or the other, and its rounding error is carried
+/// on to the next (error diffusion), so that the triangle keeps its share of holes.
+pub(crate) fn micromap(mut is_opaque: impl FnMut([f32; 2]) -> bool) -> u64 {
+    let (mut map, mut carried, mut number) = (0, 0, 0);
+    for (index, micro_triangle) in micro_triangles().enumerate() {
+        let mut count = 0;
+        for _ in 0..SAMPLES {
+            number += 1;
+            count += i32::from(is_opaque(micro_triangle(spread(number))));
+        }
+        carried += count;
+        if 2 * carried >= SAMPLES as i32 {
+            map |= 1 << index;
+            carried -= SAMPLES as i32;
+        }
+    }
+    map
+}
+
+/// All micro-triangles in the order of their bits, as in `trace.wgsl`: what maps a point of the unit
+/// square to weights in each.
+fn micro_triangles() -> impl Iterator<Item = impl Fn([f32; 2]) -> [f32; 2]> {
+    let all = (0..SIDE).flat_map(|row| (0..2 * (SIDE - row) - 1).map(move |i| (row, i)));
+    all.map(|(row, i)| {
+        move |[across, along]: [f32; 2]| {
+            let [row, column] = [row as f32, (i / 2) as f32];
+            let (across, along) =
+                if across + along > 1.0 { (1.0 - across, 1.0 - along) } else { (across, along) };
+            // Of the two there, the second is inverted.
+            let point = if i % 2 == 1 {
+                [row + 1.0 - across, column + 1.0 - along]
+            } else {
+                [row + across, column + along]
+            };
+            point.map(|weight| weight / SIDE as f32)
+        }
+    })
+}
+
+/// The R2 sequence: evenly distributed over the unit square, without aliasing with repeating
+/// textures (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences").
+fn spread(number: u32) -> [f32; 2] {
+    [0.754_877_666_246_692_8, 0.569_840_290_998_053_3]
+        .map(|step: f64| (f64::from(number) * step).fract() as f32)
 }
 
 #[cfg(test)]

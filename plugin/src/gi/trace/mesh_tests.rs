@@ -1,7 +1,6 @@
 use bevy::math::{DVec3, Quat};
 use proptest::prelude::*;
 
-use super::super::micromap::SOLID;
 use super::super::wide::{MAX_LEVELS, below, soup, walk};
 use super::*;
 
@@ -105,5 +104,83 @@ proptest! {
             let moved = affine.transform_point3a((*corner).into());
             prop_assert!(moved.cmpge(min - slack).all() && moved.cmple(max + slack).all());
         }
+    }
+}
+
+/// Whether the micro-triangle at a point is opaque: the twin of `trace.wgsl`'s.
+fn is_opaque(map: u64, [second, third]: [f64; 2]) -> bool {
+    let side = f64::from(SIDE);
+    let row = ((second * side) as u64).min(7);
+    let column = ((third * side) as u64).min(7 - row);
+    let turned =
+        second * side - row as f64 + third * side - column as f64 > 1.0 && column < 7 - row;
+    map >> (row * (16 - row) + 2 * column + u64::from(turned)) & 1 == 1
+}
+
+#[test]
+fn an_opaque_mask_is_solid_and_a_clear_one_is_all_hole() {
+    assert_eq!(micromap(|_| true), SOLID);
+    assert_eq!(micromap(|_| false), 0);
+}
+
+#[test]
+fn each_bit_is_one_micro_triangle() {
+    let points: Vec<[f32; 2]> =
+        micro_triangles().map(|micro_triangle| micro_triangle([0.3, 0.3])).collect();
+    assert_eq!(points.len(), 64);
+    for (index, point) in points.iter().enumerate() {
+        assert!(point[0] + point[1] < 1.0 && point.iter().all(|weight| *weight > 0.0), "{point:?}");
+        for other in 0..64 {
+            assert_eq!(
+                is_opaque(1 << other, point.map(f64::from)),
+                other == index,
+                "bit {other} at {point:?}"
+            );
+        }
+    }
+    // Corners and edges belong to some micro-triangle.
+    for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.875, 0.125]] {
+        assert!(is_opaque(SOLID, corner) && !is_opaque(0, corner));
+    }
+}
+
+#[test]
+fn fine_holes_keep_their_share() {
+    // A wire mesh, ever finer; also aligned with the micro-triangles.
+    for repeats in [3.0f32, 8.0, 16.0, 37.0, 64.0] {
+        for share in [0.1f32, 0.5, 0.9] {
+            let map =
+                micromap(|[u, v]| (u * repeats).fract() < share && (v * repeats).fract() >= 0.0);
+            let found = map.count_ones() as f32 / 64.0;
+            assert!((found - share).abs() < 0.08, "{found} of {share}, repeated {repeats} times");
+        }
+    }
+}
+
+proptest! {
+    /// A mask cut by a straight line: only micro-triangles on the line may differ.
+    #[test]
+    fn coarse_holes_are_at_the_right_positions(angle in 0.0f64..6.3, at in 0.1f64..0.6, u in 0.0f64..1.0, v in 0.0f64..1.0) {
+        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+        let side = |u: f64, v: f64| (u - at) * angle.cos() + (v - 0.5 * at) * angle.sin();
+        let map = micromap(|[u, v]| side(f64::from(u), f64::from(v)) > 0.0);
+        // Farther from the line than a micro-triangle's longest side.
+        if side(u, v).abs() > 0.18 {
+            prop_assert_eq!(is_opaque(map, [u, v]), side(u, v) > 0.0);
+        }
+    }
+
+    #[test]
+    fn the_opaque_share_is_kept(share in 0.0f32..1.0, seed in 0u32..1000) {
+        let mut state = seed;
+        let mut count = 0;
+        let map = micromap(|_| {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            let there = ((state >> 8) as f32) < share * (1 << 24) as f32;
+            count += u32::from(there);
+            there
+        });
+        let exact = count as f32 / SAMPLES as f32;
+        prop_assert!((map.count_ones() as f32 - exact).abs() <= 0.5, "{} micro-triangles of {exact}", map.count_ones());
     }
 }

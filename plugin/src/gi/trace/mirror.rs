@@ -17,8 +17,6 @@ pub(super) struct Mirrored<T> {
     items: Vec<T>,
     /// Items that differ from the last version.
     dirty: Vec<Range<usize>>,
-    /// All may differ.
-    is_new: bool,
     /// 0: never written.
     version: u64,
     /// Changes still count to this version.
@@ -28,7 +26,7 @@ pub(super) struct Mirrored<T> {
 // The derive would ask for the default of an item.
 impl<T> Default for Mirrored<T> {
     fn default() -> Self {
-        Self { items: Vec::new(), dirty: Vec::new(), is_new: false, version: 0, is_open: false }
+        Self { items: Vec::new(), dirty: Vec::new(), version: 0, is_open: false }
     }
 }
 
@@ -49,7 +47,7 @@ impl<T: Pod + PartialEq> Mirrored<T> {
     fn open(&mut self) {
         if !self.is_open {
             self.dirty.clear();
-            (self.version, self.is_new, self.is_open) = (self.version + 1, false, true);
+            (self.version, self.is_open) = (self.version + 1, true);
         }
     }
 
@@ -88,7 +86,7 @@ impl<T: Pod + PartialEq> Mirrored<T> {
     pub(super) fn take(&mut self) -> Vec<T> {
         if !self.items.is_empty() {
             self.open();
-            self.is_new = true;
+            self.dirty.clear();
         }
         std::mem::take(&mut self.items)
     }
@@ -99,7 +97,7 @@ impl<T: Pod + PartialEq> Mirrored<T> {
             return None;
         }
         let follows = held != 0 && held + 1 == self.version;
-        let is_whole = !follows || self.is_new || self.items.len() > capacity;
+        let is_whole = !follows || self.items.len() > capacity;
         let piece = |range: Range<usize>| {
             let first = range.start * size_of::<T>();
             (first, bytemuck::cast_slice(&self.items[range]).to_vec())

@@ -5,12 +5,11 @@
 //! |---|---|---|
 //! | `bvh` | none | binary hierarchies for stackless traversal |
 //! | `wide` | none | hierarchies of four children a node, with quantised boxes |
-//! | `mesh` | none | a mesh's triangles in a wide hierarchy, and an instance of it |
-//! | `micromap` | none | opacity micromaps of alpha masks |
+//! | `mesh` | none | a mesh's triangles in a wide hierarchy, their micromaps, and an instance of it |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
 //! | `skin` | main | skinned meshes as rigid pieces, one for each joint |
 //! | `occluders` | main | which meshes occlude, and where they are |
-//! | `geometry`, `arena` | main | all hierarchies in one array |
+//! | `geometry` | main | all hierarchies in one array |
 //! | `top` | main | the hierarchy over instances, edited as meshes come, move and go |
 //! | `mirror` | none | arrays that track what the GPU's copy lacks |
 //! | `buffers` | render | the GPU's copies |
@@ -20,12 +19,10 @@
 //! queries per pixel (see `gather/gather.wgsl`), which rays answer exactly, while a depth map per VPL
 //! would be rendered whenever anything moves.
 
-mod arena;
 mod buffers;
 mod bvh;
 mod geometry;
 mod mesh;
-mod micromap;
 mod mirror;
 mod occluders;
 mod skin;
@@ -33,14 +30,14 @@ mod top;
 mod trees;
 mod wide;
 
-use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::visibility::VisibilitySystems;
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResourcePlugin;
-use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render};
-use bevy::shader::load_shader_library;
-use bevy::transform::TransformSystems;
+use bevy::render::render_resource::{BindGroupLayoutEntry, ComputePipeline, PipelineCache};
+use bevy::render::{GpuResourceAppExt, Render};
+use bevy::shader::{ShaderDefVal, load_shader_library};
 
+use super::compute::{Kernel, definitions};
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
 pub(super) use buffers::{OccluderBuffers, missing_bytes};
 pub use occluders::GiOccluders;
@@ -78,5 +75,47 @@ impl Plugin for TracePlugin {
             .init_gpu_resource::<OccluderBuffers>()
             .add_systems(ExtractSchedule, buffers::extract)
             .add_systems(Render, buffers::prepare.in_set(PrepareSystems::Trace));
+    }
+}
+
+/// A kernel that traces. Its pipelines test alpha masks only in scenes that have any.
+pub(super) struct TracedKernel {
+    pub(super) kernel: Kernel,
+    definitions: Vec<ShaderDefVal>,
+}
+
+impl TracedKernel {
+    /// `entries`: of bind group 0; group 1 has the occluders.
+    pub(super) fn new(
+        label: &'static str,
+        entry_point: &'static str,
+        shader: &Handle<Shader>,
+        entries: &[BindGroupLayoutEntry],
+        definitions: Vec<ShaderDefVal>,
+    ) -> Self {
+        let kernel = Kernel::new(label, entry_point, shader, entries);
+        Self { kernel: kernel.with_group(OccluderBuffers::layout()), definitions }
+    }
+
+    fn definitions(&self, has_masks: bool) -> Vec<ShaderDefVal> {
+        let masks = definitions([(has_masks, "MASKS")]);
+        self.definitions.iter().cloned().chain(masks).collect()
+    }
+
+    /// Queues the pipeline that tests masks, or the other one, unless it was before.
+    pub(super) fn queue(&mut self, cache: &PipelineCache, has_masks: bool) {
+        let definitions = self.definitions(has_masks);
+        self.kernel.queue(cache, definitions);
+    }
+
+    /// The pipeline that tests masks, or the other one, if it is compiled; until then, the one that
+    /// treats all triangles as solid.
+    pub(super) fn get<'a>(
+        &self,
+        cache: &'a PipelineCache,
+        has_masks: bool,
+    ) -> Option<&'a ComputePipeline> {
+        let compiled = |has_masks| self.kernel.get(cache, &self.definitions(has_masks));
+        compiled(has_masks).or_else(|| compiled(false))
     }
 }

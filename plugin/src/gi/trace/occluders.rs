@@ -2,19 +2,15 @@
 
 use std::collections::VecDeque;
 
-use bevy::camera::Camera;
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
-use bevy::ecs::prelude::*;
+use bevy::camera::visibility::RenderLayers;
 use bevy::ecs::query::QueryData;
-use bevy::light::{EnvironmentMapLight, NotShadowCaster};
+use bevy::light::NotShadowCaster;
 use bevy::math::Affine3A;
-use bevy::mesh::Mesh3d;
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::{HashMap, HashSet};
+use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
-use bevy::transform::components::GlobalTransform;
 
 use super::geometry::Geometry;
 use super::mesh::{Instance, instance};
@@ -185,7 +181,13 @@ pub(super) fn update(
         let whole =
             changes.moved.iter().map(|(entity, affine)| (InstanceKey::whole(*entity), *affine));
         for (part, affine) in whole.chain(skins.moved()) {
-            scene.displace(part, affine, &mut edit);
+            // Others occlude nothing, wherever they are.
+            if let Some((_, before)) = scene.parts.get_mut(&part)
+                && *before != affine
+            {
+                *before = affine;
+                edit.set.push(part);
+            }
         }
     }
     if is_whole
@@ -201,7 +203,8 @@ pub(super) fn update(
     }
     let most = largest_storage_buffer(&limits_of(device.as_deref())) as usize;
     if scene.trees.changed || is_whole {
-        let changed = scene.place_trees(most);
+        let changed: HashSet<TreeKey> =
+            scene.geometry.update(&scene.trees, most).into_iter().collect();
         scene.trees.changed = false;
         let parts = scene.parts.iter().filter(|(_, (key, _))| changed.contains(key));
         edit.set.extend(parts.map(|(part, _)| *part));
@@ -224,10 +227,10 @@ pub(super) fn update(
     }
     occluders.set_if_neq(GiOccluders {
         waiting: waiting(&scene.trees) + scene.new.len(),
-        triangles: scene.geometry.triangle_count(),
+        triangles: scene.geometry.triangle_count,
         instances: scene.top.len(),
         is_kept: true,
-        is_masked: scene.geometry.is_masked(),
+        is_masked: scene.geometry.masked > 0,
     });
 }
 
@@ -319,40 +322,10 @@ impl OccluderScene {
         }
     }
 
-    /// Moves a part. Others occlude nothing, wherever they are.
-    fn displace(&mut self, part: InstanceKey, affine: Affine3A, edit: &mut Edit) {
-        if let Some((_, before)) = self.parts.get_mut(&part)
-            && *before != affine
-        {
-            *before = affine;
-            edit.set.push(part);
-        }
-    }
-
     /// A part's instance; `None` where nothing of it occludes light.
     fn place(&self, part: &InstanceKey) -> Option<(Instance, Bounds)> {
         let (key, affine) = self.parts.get(part)?;
         let root = self.geometry.root_of(key, part.joint)?;
         instance(ready(&self.trees, key, part.joint)?, root, affine)
-    }
-
-    /// Puts the trees that are built into the arrays, and takes those out that are gone. Returns
-    /// which.
-    fn place_trees(&mut self, most: usize) -> HashSet<TreeKey> {
-        let Self { trees, geometry, parts, .. } = self;
-        // Trees lie in the order of the first part that each has.
-        let first_parts = |keys: &[TreeKey]| {
-            let mut first: HashMap<TreeKey, Option<InstanceKey>> =
-                keys.iter().map(|key| (*key, None)).collect();
-            for (part, (key, _)) in &*parts {
-                if let Some(first) = first.get_mut(key)
-                    && first.is_none_or(|first| *part < first)
-                {
-                    *first = Some(*part);
-                }
-            }
-            first
-        };
-        geometry.update(trees, first_parts, most).into_iter().collect()
     }
 }

@@ -7,14 +7,13 @@
 //! itself. So they are drawn towards the middle of their piece, by the weight of the other joints:
 //! a piece is exact where one joint alone moves the mesh, and slimmer where it bends.
 
-use bevy::asset::Assets;
-use bevy::ecs::prelude::*;
+use std::collections::BTreeMap;
+
 use bevy::ecs::system::SystemParam;
-use bevy::math::{Affine3A, Mat4, Vec3};
+use bevy::math::Affine3A;
+use bevy::mesh::VertexAttributeValues;
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
-use bevy::mesh::{Mesh, Mesh3d, VertexAttributeValues};
-use bevy::platform::collections::HashMap;
-use bevy::transform::components::GlobalTransform;
+use bevy::prelude::*;
 
 use crate::gi::surfaces::Triangles;
 
@@ -112,7 +111,7 @@ impl Influences {
 /// Splits triangles by the joint that moves them most, in the order of joints. Triangles that no
 /// joint moves are left out.
 pub(super) fn split(influences: &Influences, triangles: Triangles) -> Vec<(u16, Triangles)> {
-    let mut pieces = HashMap::<u16, Triangles>::default();
+    let mut pieces = BTreeMap::<u16, Triangles>::new();
     for (corners, positions) in triangles.corners.into_iter().zip(triangles.positions) {
         let strength = |joint: u16| -> f32 {
             corners.iter().map(|corner| influences.share(*corner, joint)).sum()
@@ -130,28 +129,23 @@ pub(super) fn split(influences: &Influences, triangles: Triangles) -> Vec<(u16, 
         piece.corners.push(corners);
         piece.positions.push(positions);
     }
-    let mut pieces: Vec<_> = pieces.into_iter().collect();
-    pieces.sort_unstable_by_key(|(joint, _)| *joint);
     for (joint, piece) in &mut pieces {
         slim(piece, |vertex| influences.share(vertex, *joint));
     }
-    pieces
+    pieces.into_iter().collect()
 }
 
 /// Draws vertices towards the middle of their piece by the share of other joints in them.
 fn slim(piece: &mut Triangles, share: impl Fn(usize) -> f32) {
+    let corners = || piece.corners.iter().flatten();
     let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-    for (corners, positions) in piece.corners.iter().zip(&piece.positions) {
-        for (corner, position) in corners.iter().zip(positions) {
-            let share = share(*corner);
-            (sum, total) = (sum + *position * share, total + share);
-        }
+    for (corner, position) in corners().zip(piece.positions.iter().flatten()) {
+        let share = share(*corner);
+        (sum, total) = (sum + *position * share, total + share);
     }
     let middle = sum / total;
-    for (corners, positions) in piece.corners.iter().zip(&mut piece.positions) {
-        for (corner, position) in corners.iter().zip(positions) {
-            *position = middle.lerp(*position, share(*corner));
-        }
+    for (corner, position) in corners().zip(piece.positions.iter_mut().flatten()) {
+        *position = middle.lerp(*position, share(*corner));
     }
 }
 

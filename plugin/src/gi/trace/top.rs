@@ -10,8 +10,9 @@ use bevy::platform::collections::HashMap;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
+use obvhs::BvhBuildParams;
 
-use super::bvh::{Effort, FlatBvh, Node, fitted, refit};
+use super::bvh::{FlatBvh, Node, fitted, refit};
 use super::mesh::Instance;
 use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::skin::InstanceKey;
@@ -104,7 +105,7 @@ impl TopTree {
     /// A tree over these instances, each of another part, in buffers of at most `most` bytes.
     pub(super) fn build(&mut self, placed: &[Placed], most: usize) {
         self.clear();
-        self.append(placed, Effort::ForLong, most);
+        self.append(placed, BvhBuildParams::medium_build(), most);
         self.fit(0);
         self.added = 0;
     }
@@ -136,7 +137,7 @@ impl TopTree {
             self.adopt(rebuilt);
             moved.clear();
         }
-        self.append(&new, Effort::ForNow, most);
+        self.append(&new, BvhBuildParams::very_fast_build(), most);
         if moved.len() * MOVED_SHARE > self.parts.len() {
             self.fit_all();
         } else {
@@ -156,7 +157,7 @@ impl TopTree {
             let (parts, boxes): (Vec<_>, Vec<_>) =
                 self.live(&self.instances).map(|(part, _, bounds)| (part, bounds)).unzip();
             let build = async move {
-                Rebuilt { tree: FlatBvh::new(&boxes, Effort::ForLong), parts, boxes }
+                Rebuilt { tree: FlatBvh::new(&boxes, BvhBuildParams::medium_build()), parts, boxes }
             };
             self.rebuilding = Some(AsyncComputeTaskPool::get().spawn(build));
         }
@@ -205,7 +206,7 @@ impl TopTree {
     }
 
     /// Adds a tree behind the others.
-    fn append(&mut self, placed: &[Placed], effort: Effort, most: usize) {
+    fn append(&mut self, placed: &[Placed], effort: BvhBuildParams, most: usize) {
         let room = (most / size_of::<Instance>()).saturating_sub(self.instances.len());
         if placed.len() > room {
             warn_of_full_buffer();
@@ -215,26 +216,22 @@ impl TopTree {
             return;
         }
         let boxes: Vec<Bounds> = placed.iter().map(|(.., bounds)| *bounds).collect();
-        let tree = FlatBvh::new(&boxes, effort);
-        let part = |index: &u32| Some(placed[*index as usize].0);
-        let parts: Vec<_> = tree.order.iter().map(part).collect();
-        let placed = |index: &u32| {
-            let (_, instance, bounds) = placed[*index as usize];
-            (instance, bounds)
-        };
-        let placed: Vec<_> = tree.order.iter().map(placed).collect();
-        self.push(tree.nodes, &parts, placed);
+        self.push(FlatBvh::new(&boxes, effort), |index| {
+            let (part, instance, bounds) = placed[index];
+            (Some(part), instance, bounds)
+        });
         self.added += 1;
     }
 
-    /// Puts a tree of instances behind the others.
+    /// Puts a tree behind the others. `placed`: the instance at an index of what it was made of,
+    /// without a part where that is gone.
     fn push(
         &mut self,
-        mut nodes: Vec<Node>,
-        parts: &[Option<InstanceKey>],
-        placed: Vec<(Instance, Bounds)>,
+        FlatBvh { mut nodes, order }: FlatBvh,
+        placed: impl Fn(usize) -> (Option<InstanceKey>, Instance, Bounds),
     ) {
-        let (instances, bounds): (Vec<_>, Vec<_>) = placed.into_iter().unzip();
+        let placed: Vec<_> = order.iter().map(|index| placed(*index as usize)).collect();
+        let bounds: Vec<Bounds> = placed.iter().map(|(.., bounds)| *bounds).collect();
         let area = f64::from(refit(&mut nodes, &bounds));
         (self.area, self.area_built) = (self.area + area, self.area_built + area);
         if self.nodes.is_empty() {
@@ -243,16 +240,19 @@ impl TopTree {
             self.parents.push(0);
         }
         let (first_node, first) = (self.nodes.len(), self.instances.len());
-        for (slot, part) in (first..).zip(parts) {
-            if let Some(part) = part {
-                self.slots.insert(*part, slot);
+        for (slot, (part, ..)) in (first..).zip(&placed) {
+            self.parts.push(*part);
+            match part {
+                Some(part) => {
+                    self.slots.insert(*part, slot);
+                }
+                None => self.gone += 1,
             }
         }
-        self.parts.extend(parts);
-        self.gone += parts.iter().filter(|part| part.is_none()).count();
         let nodes: Vec<Node> =
             nodes.into_iter().map(|node| node.moved(first_node, first)).collect();
         self.nodes.extend(&nodes);
+        let instances: Vec<Instance> = placed.iter().map(|(_, instance, _)| *instance).collect();
         self.instances.extend(&instances);
         self.bounds.extend(bounds);
         self.link(first_node);
@@ -280,26 +280,15 @@ impl TopTree {
 
     /// Takes over a new order. What has gone meanwhile is an instance of nothing, and what has come
     /// gets a tree behind it.
-    fn adopt(&mut self, rebuilt: Rebuilt) {
-        let Rebuilt { tree, parts, boxes } = rebuilt;
+    fn adopt(&mut self, Rebuilt { tree, parts, boxes }: Rebuilt) {
         let (old, instances) = self.restart();
-        let (ordered, placed): (Vec<_>, Vec<_>) = tree
-            .order
-            .iter()
-            .map(|index| {
-                let index = *index as usize;
-                match old.slots.get(&parts[index]) {
-                    Some(slot) => (Some(parts[index]), (instances[*slot], old.bounds[*slot])),
-                    None => (
-                        None,
-                        (Instance { root: Instance::NOTHING, ..Instance::zeroed() }, boxes[index]),
-                    ),
-                }
-            })
-            .unzip();
-        self.push(tree.nodes, &ordered, placed);
+        let gone = Instance { root: Instance::NOTHING, ..Instance::zeroed() };
+        self.push(tree, |index| match old.slots.get(&parts[index]) {
+            Some(slot) => (Some(parts[index]), instances[*slot], old.bounds[*slot]),
+            None => (None, gone, boxes[index]),
+        });
         let come: Vec<_> = old.live(&instances).filter(|(part, ..)| !self.holds(part)).collect();
-        self.append(&come, Effort::ForNow, usize::MAX);
+        self.append(&come, BvhBuildParams::very_fast_build(), usize::MAX);
     }
 }
 

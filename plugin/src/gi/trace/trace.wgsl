@@ -52,7 +52,7 @@ struct Instance {
 /// The root of an instance that is gone.
 const NOTHING: u32 = 0xffffffffu;
 
-/// A corner and two edges, and an opacity micromap of 64 bits (see `trace/micromap.rs`).
+/// A corner and two edges, and an opacity micromap of 64 bits (see `trace/mesh.rs`).
 struct Triangle {
     corner: vec3<f32>,
     padding: u32,

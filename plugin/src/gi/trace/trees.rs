@@ -2,15 +2,11 @@
 
 use std::sync::Arc;
 
-use bevy::asset::AssetId;
-use bevy::image::Image;
-use bevy::log::warn_once;
-use bevy::mesh::Mesh;
+use bevy::prelude::*;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 
-use super::mesh::MeshBvh;
-use super::micromap::{SOLID, micromap};
+use super::mesh::{MeshBvh, SOLID, micromap};
 use super::skin::{Influences, split};
 use crate::gi::surfaces::{
     Cutout, Mask, SurfaceAssets, SurfaceCache, SurfaceKey, Triangles, triangles,
@@ -27,27 +23,7 @@ const MASKED_TRIANGLE: usize = 64;
 
 /// A tree for each joint that moves any triangles, in the order of joints. A mesh without a skin
 /// has one, for joint 0.
-#[derive(Debug)]
-pub(super) struct JointBvhs(Vec<(u16, MeshBvh)>);
-
-impl JointBvhs {
-    /// From pieces in the order of their joints.
-    #[cfg(test)]
-    pub(super) fn new(pieces: Vec<(u16, MeshBvh)>) -> Self {
-        Self(pieces)
-    }
-
-    /// All pieces, each with its joint.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &(u16, MeshBvh)> {
-        self.0.iter()
-    }
-
-    /// What a joint moves.
-    pub(super) fn of(&self, joint: u16) -> Option<&MeshBvh> {
-        let place = self.0.binary_search_by_key(&joint, |(joint, _)| *joint).ok()?;
-        Some(&self.0[place].1)
-    }
-}
+pub(super) type JointBvhs = Vec<(u16, MeshBvh)>;
 
 /// A mesh's tree.
 pub(super) enum Tree {
@@ -81,7 +57,8 @@ pub(super) type Trees = SurfaceCache<TreeKey, Tree>;
 /// What a joint moves of a mesh, once its tree is built.
 pub(super) fn ready<'a>(trees: &'a Trees, key: &TreeKey, joint: u16) -> Option<&'a MeshBvh> {
     let Some(Tree::Ready(pieces)) = trees.values.get(key) else { return None };
-    pieces.of(joint)
+    let place = pieces.binary_search_by_key(&joint, |(joint, _)| *joint).ok()?;
+    Some(&pieces[place].1)
 }
 
 /// Number of trees that are still being built.
@@ -133,7 +110,7 @@ fn start(key: &TreeKey, assets: &SurfaceAssets, left: &mut usize) -> Option<Tree
             None => vec![(0, triangles)],
         };
         let build = |(joint, piece)| (joint, tree(piece, cutout.as_ref()));
-        JointBvhs(pieces.into_iter().map(build).collect())
+        pieces.into_iter().map(build).collect::<JointBvhs>()
     };
     Some(if work <= TRIANGLES_AT_ONCE.min(*left) {
         *left -= work;
@@ -144,16 +121,11 @@ fn start(key: &TreeKey, assets: &SurfaceAssets, left: &mut usize) -> Option<Tree
 }
 
 fn tree(Triangles { corners, positions }: Triangles, cutout: Option<&Cutout>) -> MeshBvh {
-    let holes = corners.into_iter().map(|corners| holes(cutout, corners));
-    MeshBvh::new(positions.into_iter().zip(holes))
-}
-
-/// A triangle's micromap.
-fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
-    match cutout {
+    let micromap = |corners: [usize; 3]| match cutout {
         Some(cutout) if cutout.may_pierce(corners) => {
             micromap(|weights| cutout.is_opaque(corners, weights))
         }
         _ => SOLID,
-    }
+    };
+    MeshBvh::new(positions.into_iter().zip(corners.into_iter().map(micromap)))
 }

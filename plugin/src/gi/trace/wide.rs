@@ -11,8 +11,9 @@ use std::ops::Range;
 
 use bevy::math::Vec3A;
 use bytemuck::{Pod, Zeroable};
+use obvhs::BvhBuildParams;
 
-use super::bvh::{Effort, FlatBvh, half_area};
+use super::bvh::{FlatBvh, half_area};
 
 /// Children of a node.
 const WIDTH: usize = 4;
@@ -61,54 +62,35 @@ impl WideNode {
             let low = boxes.iter().map(|(min, _)| min[axis]).fold(f32::INFINITY, f32::min);
             let high = boxes.iter().map(|(_, max)| max[axis]).fold(f32::NEG_INFINITY, f32::max);
             let margin = (high - low) * MARGIN;
-            let grid = Grid::new(low - margin, high + margin);
-            node.origin[axis] = grid.origin;
-            node.grid |= grid.exponent << (8 * axis);
+            let (origin, exponent) = grid(low - margin, high + margin);
+            node.origin[axis] = origin;
+            node.grid |= exponent << (8 * axis);
+            let steps = |coordinate: f32| (coordinate - origin) / f32::from_bits(exponent << 23);
+            let byte = |steps: f32| steps.clamp(0.0, 255.0) as u32;
             for (child, (min, max)) in boxes.iter().enumerate() {
-                let (low, high) = (grid.below(min[axis] - margin), grid.above(max[axis] + margin));
-                node.lower[axis] |= low << (8 * child);
-                node.upper[axis] |= high << (8 * child);
+                node.lower[axis] |= byte(steps(min[axis] - margin).floor()) << (8 * child);
+                node.upper[axis] |= byte(steps(max[axis] + margin).ceil()) << (8 * child);
             }
         }
         node
     }
 }
 
-/// Steps of a power of two that cover a range with a byte.
-struct Grid {
-    /// A multiple of the step, so that each step's place is a float.
-    origin: f32,
-    /// The step's exponent, as a float has it.
-    exponent: u32,
-}
-
-impl Grid {
-    fn new(low: f32, high: f32) -> Self {
-        let largest = low.abs().max(high.abs());
-        // The step is no finer than the coordinates are.
-        let finest = (largest.to_bits() >> 23).saturating_sub(23);
-        let needed = ((high - low) / 255.0).to_bits() >> 23;
-        let mut exponent = finest.max(needed).max(1);
-        loop {
-            let step = f32::from_bits(exponent << 23);
-            let origin = (low / step).floor() * step;
-            if origin + 255.0 * step >= high {
-                return Self { origin, exponent };
-            }
-            exponent += 1;
+/// Steps of a power of two that cover a range with a byte: where they begin, a multiple of the step,
+/// so that each step's place is a float; and the step's exponent, as a float has it.
+fn grid(low: f32, high: f32) -> (f32, u32) {
+    let largest = low.abs().max(high.abs());
+    // The step is no finer than the coordinates are.
+    let finest = (largest.to_bits() >> 23).saturating_sub(23);
+    let needed = ((high - low) / 255.0).to_bits() >> 23;
+    let mut exponent = finest.max(needed).max(1);
+    loop {
+        let step = f32::from_bits(exponent << 23);
+        let origin = (low / step).floor() * step;
+        if origin + 255.0 * step >= high {
+            return (origin, exponent);
         }
-    }
-
-    fn steps(&self, coordinate: f32) -> f32 {
-        (coordinate - self.origin) / f32::from_bits(self.exponent << 23)
-    }
-
-    fn below(&self, coordinate: f32) -> u32 {
-        self.steps(coordinate).floor().clamp(0.0, 255.0) as u32
-    }
-
-    fn above(&self, coordinate: f32) -> u32 {
-        self.steps(coordinate).ceil().clamp(0.0, 255.0) as u32
+        exponent += 1;
     }
 }
 
@@ -133,7 +115,7 @@ enum Part {
 impl WideBvh {
     /// A tree over boxes of (lower, upper) corners, all finite.
     pub(super) fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
-        let binary = FlatBvh::new(boxes, Effort::ForLong);
+        let binary = FlatBvh::new(boxes, BvhBuildParams::medium_build());
         let mut wide = Self::default();
         if boxes.is_empty() {
             return wide;

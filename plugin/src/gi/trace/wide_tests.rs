@@ -179,14 +179,17 @@ proptest! {
     #[test]
     fn a_grid_covers_its_range(low in -1e12f32..1e12, extent in 0.0f32..1e12, share in 0.0f32..=1.0) {
         let high = low + extent;
-        let grid = Grid::new(low, high);
-        let step = f32::from_bits(grid.exponent << 23);
-        prop_assert!(grid.origin <= low && grid.origin + 255.0 * step >= high);
-        prop_assert_eq!(grid.origin % step, 0.0);
+        let (origin, exponent) = grid(low, high);
+        let step = f32::from_bits(exponent << 23);
+        prop_assert!(origin <= low && origin + 255.0 * step >= high);
+        prop_assert_eq!(origin % step, 0.0);
         let at = (low + extent * share).clamp(low, high);
-        let slack = 1e-4 * step;
-        prop_assert!(grid.origin + grid.below(at) as f32 * step <= at + slack);
-        prop_assert!(grid.origin + grid.above(at) as f32 * step >= at - slack);
+        let node = WideNode::new(&[(Vec3A::splat(low), Vec3A::splat(high)), (Vec3A::splat(at), Vec3A::splat(at))], 0);
+        let fine = f32::from_bits((node.grid & 255) << 23);
+        let slack = 1e-4 * fine;
+        let [below, above] = [node.lower[0], node.upper[0]].map(|bytes| (bytes >> 8 & 255) as f32);
+        prop_assert!(node.origin[0] + below * fine <= at + slack);
+        prop_assert!(node.origin[0] + above * fine >= at - slack);
         // No coarser than needed: within two steps of the finest grid.
         prop_assert!(step <= (2.1 * extent / 255.0).max(low.abs().max(high.abs()) * 1.2e-7).max(1e-37));
     }
