@@ -8,25 +8,24 @@
 
 mod pipelines;
 
-use bevy::app::{App, Plugin};
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
-use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
+use bevy::ecs::system::SystemParam;
 use bevy::light::IrradianceVolume;
 use bevy::pbr::{
     FogMeta, RenderViewLightProbes, ScreenSpaceAmbientOcclusionResources, ViewFogUniformOffset,
     main_transmissive_pass_3d,
 };
+use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
-use bevy::utils::default;
 
 use super::forward::{ForwardCamera, ForwardView};
 use super::gather::GatherView;
@@ -84,42 +83,41 @@ pub(super) struct CompositeView {
     gathered: Option<(&'static GiView, &'static GatherView)>,
 }
 
+/// What the composites of all views share.
+#[derive(SystemParam)]
+pub(super) struct CompositeInputs<'w> {
+    cache: Res<'w, PipelineCache>,
+    view_uniforms: Res<'w, ViewUniforms>,
+    fogs: Res<'w, FogMeta>,
+}
+
 /// Adds indirect light to deferred surfaces.
 pub(super) fn composite(
     view: ViewQuery<CompositeView>,
-    cache: Res<PipelineCache>,
-    view_uniforms: Res<ViewUniforms>,
-    fogs: Res<FogMeta>,
+    inputs: CompositeInputs,
     context: RenderContext,
 ) {
-    let view = view.into_inner();
-    if view.gi.output != GiOutput::IndirectOnly {
-        draw(view, &cache, &view_uniforms, &fogs, context);
-    }
+    draw(false, view.into_inner(), &inputs, context);
 }
 
 /// Replaces the image by indirect light, after opaque meshes of every kind.
 fn composite_alone(
     view: ViewQuery<CompositeView>,
-    cache: Res<PipelineCache>,
-    view_uniforms: Res<ViewUniforms>,
-    fogs: Res<FogMeta>,
+    inputs: CompositeInputs,
     context: RenderContext,
 ) {
-    let view = view.into_inner();
-    if view.gi.output == GiOutput::IndirectOnly {
-        draw(view, &cache, &view_uniforms, &fogs, context);
-    }
+    draw(true, view.into_inner(), &inputs, context);
 }
 
 fn draw(
+    alone: bool,
     view: CompositeViewItem,
-    cache: &PipelineCache,
-    view_uniforms: &ViewUniforms,
-    fogs: &FogMeta,
+    CompositeInputs { cache, view_uniforms, fogs }: &CompositeInputs,
     mut context: RenderContext,
 ) {
-    let alone = view.gi.output == GiOutput::IndirectOnly;
+    if alone != (view.gi.output == GiOutput::IndirectOnly) {
+        return;
+    }
     let CompositePipeline { id, key } = view.pipeline;
     let mut offsets = vec![view.offset.offset];
     let bind_group = (|| {
@@ -164,10 +162,7 @@ fn draw(
         let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some("frugal_gi/composite"),
             color_attachments: &[Some(attachment)],
-            depth_stencil_attachment: None,
-            timestamp_writes: None,
-            occlusion_query_set: None,
-            multiview_mask: None,
+            ..default()
         });
         if let Some((bind_group, pipeline)) = &drawn {
             if let Some(viewport) = &view.camera.viewport {

@@ -1,16 +1,16 @@
 //! The composite's pipelines and bind group layouts, specialised for each camera.
 
-use bevy::asset::{Handle, load_embedded_asset};
+use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::FullscreenShader;
-use bevy::ecs::prelude::*;
-use bevy::pbr::{DistanceFog, GpuFog, ScreenSpaceAmbientOcclusion};
+use bevy::pbr::{GpuFog, ScreenSpaceAmbientOcclusion};
+use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, uniform_buffer};
 use bevy::render::render_resource::*;
 use bevy::render::view::{ExtractedView, ViewUniform};
-use bevy::shader::{Shader, ShaderDefVal};
-use bevy::utils::default;
+use bevy::shader::ShaderDefVal;
 
+use crate::gi::compute::definitions;
 use crate::gi::settings::{FrugalGi, GiOutput, GiPixelFraction, GiShading};
 
 #[derive(Resource)]
@@ -42,27 +42,6 @@ pub(in crate::gi) struct CompositeKey {
 }
 
 impl CompositeKey {
-    fn new(
-        gi: &FrugalGi,
-        camera: &ExtractedCamera,
-        view: &ExtractedView,
-        has_fog: bool,
-        has_occlusion: bool,
-    ) -> Self {
-        Self {
-            fraction: gi.pixel_fraction,
-            shading: gi.shading,
-            target_format: view.target_format,
-            replaces: gi.output == GiOutput::IndirectOnly,
-            fog: has_fog,
-            // Rays already found what occludes: it would be removed twice. And Bevy 0.19.1 reads
-            // the depth of a viewport from the target's corner.
-            occlusion: has_occlusion
-                && gi.visibility.rays() == 0
-                && camera.viewport.as_ref().is_none_or(|v| v.physical_position == default()),
-        }
-    }
-
     /// Entries: G-buffer, depth, view and irradiance; then the fog and the occlusion, if any.
     pub(crate) fn layout(&self) -> BindGroupLayoutDescriptor {
         let mut entries = DynamicBindGroupLayoutEntries::sequential(
@@ -90,27 +69,20 @@ impl SpecializedRenderPipeline for CompositePipelines {
 
     fn specialize(&self, key: CompositeKey) -> RenderPipelineDescriptor {
         let (width, height) = key.fraction.cell();
-        let mut shader_defs = vec![
-            ShaderDefVal::UInt("CELL_WIDTH".into(), width),
-            ShaderDefVal::UInt("CELL_HEIGHT".into(), height),
-        ];
-        let defs = [
+        let mut shader_defs = definitions([
             (key.fraction == GiPixelFraction::Full, "FULL_RESOLUTION"),
             (key.shading == GiShading::Lambertian, "LAMBERTIAN"),
             (key.fog, "DISTANCE_FOG"),
             (key.occlusion, "SCREEN_OCCLUSION"),
-        ];
-        shader_defs.extend(defs.into_iter().filter(|(is, _)| *is).map(|(_, name)| name.into()));
-        let add = BlendComponent {
-            src_factor: BlendFactor::One,
+        ]);
+        shader_defs.push(ShaderDefVal::UInt("CELL_WIDTH".into(), width));
+        shader_defs.push(ShaderDefVal::UInt("CELL_HEIGHT".into(), height));
+        let added = |src_factor| BlendComponent {
+            src_factor,
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let keep = BlendComponent {
-            src_factor: BlendFactor::Zero,
-            dst_factor: BlendFactor::One,
-            operation: BlendOperation::Add,
-        };
+        let (color, alpha) = (added(BlendFactor::One), added(BlendFactor::Zero));
         RenderPipelineDescriptor {
             label: Some("frugal_gi/composite".into()),
             layout: vec![key.layout()],
@@ -121,7 +93,7 @@ impl SpecializedRenderPipeline for CompositePipelines {
                 entry_point: Some("composite".into()),
                 targets: vec![Some(ColorTargetState {
                     format: key.target_format,
-                    blend: (!key.replaces).then_some(BlendState { color: add, alpha: keep }),
+                    blend: (!key.replaces).then_some(BlendState { color, alpha }),
                     write_mask: ColorWrites::ALL,
                 })],
             }),
@@ -152,7 +124,18 @@ pub(super) fn prepare(
     )>,
 ) {
     for (entity, gi, camera, view, has_fog, has_occlusion) in &cameras {
-        let key = CompositeKey::new(gi, camera, view, has_fog, has_occlusion);
+        let key = CompositeKey {
+            fraction: gi.pixel_fraction,
+            shading: gi.shading,
+            target_format: view.target_format,
+            replaces: gi.output == GiOutput::IndirectOnly,
+            fog: has_fog,
+            // Rays already found what occludes: it would be removed twice. And Bevy 0.19.1 reads
+            // the depth of a viewport from the target's corner.
+            occlusion: has_occlusion
+                && gi.visibility.rays() == 0
+                && camera.viewport.as_ref().is_none_or(|v| v.physical_position == default()),
+        };
         let id = specialized.specialize(&cache, &pipelines, key);
         commands.entity(entity).insert(CompositePipeline { id, key });
     }
