@@ -1,11 +1,9 @@
 //! The pass that compares a part of a camera's image with the same part at the best settings.
 
-use bevy::app::App;
-use bevy::asset::{Handle, load_embedded_asset};
+use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::core_pipeline::upscaling::upscaling;
-use bevy::ecs::prelude::*;
-use bevy::math::{UVec2, Vec2};
+use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_component::ExtractComponent;
@@ -19,15 +17,63 @@ use bevy::render::storage::{GpuShaderBuffer, ShaderBuffer};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ViewTarget;
 use bevy::render::{GpuResourceAppExt, RenderApp};
-use bevy::shader::Shader;
-use bevy::utils::default;
 
 use super::ErrorProbe;
-use super::tile::{Tile, WINDOW};
 use crate::resolution::ScaledView;
 
+/// Pixels of a window of SSIM along a side: a part must be wider.
+const WINDOW: u32 = 11;
+/// Most windows along a side of a part; partial sums of more would not fit their buffer.
+const MAX_SIDE: u32 = 4096;
 /// Windows along a side of a workgroup of `compare.wgsl`.
 const GROUP: u32 = 8;
+
+/// A part of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tile {
+    /// Size of the whole image, pixels.
+    pub full: UVec2,
+    /// Upper left corner, pixels.
+    pub offset: UVec2,
+    /// Width and height, pixels; as long and as wide as the whole image's in proportion.
+    pub size: UVec2,
+}
+
+impl Tile {
+    /// The part number `count` of an image: at most `share` of its width and height, each time
+    /// elsewhere. `None` where the image is too small for a window of SSIM, or too large.
+    pub(super) fn new(full: UVec2, share: f32, count: u32) -> Option<Self> {
+        let common = greatest_common_divisor(full.x, full.y);
+        if common == 0 {
+            return None;
+        }
+        // The projection of a part has the whole image's aspect ratio only where both are whole
+        // multiples of this.
+        let step = full / common;
+        let share = if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) };
+        let least = step.as_vec2().recip().max_element() * WINDOW as f32;
+        let steps = ((share * common as f32) as u32).max(least.ceil() as u32).clamp(1, common);
+        let size = step * steps;
+        if size.min_element() < WINDOW || size.max_element() > MAX_SIDE {
+            return None;
+        }
+        let place = (place(count) * (full - size + 1).as_vec2()).as_uvec2();
+        Some(Self { full, offset: place.min(full - size), size })
+    }
+}
+
+/// Points that fill the unit square evenly (Roberts 2018, the R2 sequence).
+fn place(count: u32) -> Vec2 {
+    let along = |step: f64| (0.5 + step * f64::from(count)).fract() as f32;
+    Vec2::new(along(0.754_877_666_246_693), along(0.569_840_290_998_053))
+}
+
+fn greatest_common_divisor(mut a: u32, mut b: u32) -> u32 {
+    while b > 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
 
 /// On a probe in the frame in which it is compared.
 #[derive(Component, ExtractComponent, Clone, Debug)]
@@ -201,19 +247,5 @@ fn compare(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sums_of_another_comparison_are_no_error() {
-        let tile = Tile { full: UVec2::splat(40), offset: UVec2::ZERO, size: UVec2::new(20, 19) };
-        assert_eq!((groups(&tile), bytes(&tile)), (UVec2::splat(2), 32));
-        let sums = |values: [[f32; 2]; 4]| bytemuck::cast_slice(&values).to_vec();
-        let right = sums([[0.9, 64.0], [0.0, 16.0], [0.0, 8.0], [0.0, 2.0]]);
-        assert!((error(&tile, &right).unwrap() - 0.01).abs() < 1e-6);
-        assert_eq!(error(&tile, &sums([[0.0; 2]; 4])), None, "nothing was written");
-        assert_eq!(error(&tile, &sums([[f32::NAN, 90.0], [0.0; 2], [0.0; 2], [0.0; 2]])), None);
-        assert_eq!(error(&tile, &[]), None);
-        assert_eq!(error(&tile, &sums([[-1e-6, 90.0], [0.0; 2], [0.0; 2], [0.0; 2]])), Some(0.0));
-    }
-}
+#[path = "compare_tests.rs"]
+mod tests;

@@ -4,8 +4,7 @@
 //! | file | world | job |
 //! |---|---|---|
 //! | `probe` | main | the hidden camera: when, where, and with which settings |
-//! | `tile` | none | the part of the image that is compared |
-//! | `compare`, `compare.wgsl` | render | 1 − SSIM of the part |
+//! | `compare`, `compare.wgsl` | render | the part of the image that is compared, and its 1 − SSIM |
 //!
 //! The error is that of `frugal`'s maps: 1 − SSIM (Wang et al. 2004) against the best settings.
 //! [`ErrorFeedback`](crate::control::ErrorFeedback) corrects the map's predictions by the
@@ -14,18 +13,13 @@
 
 mod compare;
 mod probe;
-mod tile;
 
 use std::time::Duration;
 
-use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::embedded_asset;
 use bevy::camera::CameraUpdateSystems;
-use bevy::ecs::prelude::*;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
+use bevy::prelude::*;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
-use bevy::shader::load_shader_library;
 
 use crate::schedule::KnobSystems;
 
@@ -105,7 +99,6 @@ pub struct ErrorMeterPlugin;
 
 impl Plugin for ErrorMeterPlugin {
     fn build(&self, app: &mut App) {
-        load_shader_library!(app, "ssim.wgsl");
         embedded_asset!(app, "compare.wgsl");
         app.register_type::<ErrorMeter>()
             .register_type::<MeasuredError>()

@@ -4,21 +4,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bevy::anti_alias::taa::TemporalAntiAliasing;
-use bevy::asset::{Assets, RenderAssetUsages};
-use bevy::camera::{Camera, Camera3d, Projection, RenderTarget, SubCameraView};
-use bevy::ecs::prelude::*;
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::{RenderTarget, SubCameraView};
 use bevy::ecs::system::SystemParam;
-use bevy::image::Image;
 use bevy::post_process::auto_exposure::AutoExposure;
+use bevy::prelude::*;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::TextureFormat;
 use bevy::render::storage::ShaderBuffer;
-use bevy::time::{Real, Time};
-use bevy::transform::components::{GlobalTransform, Transform};
-use bevy::transform::helper::TransformHelper;
 
-use super::compare::{Comparison, bytes, error};
-use super::tile::Tile;
+use super::compare::{Comparison, Tile, bytes, error};
 use super::{ErrorMeter, ErrorProbe, MeasuredError};
 use crate::camera_copy::{ShowsWholeOnly, copy_looks};
 use crate::control::{ErrorFeedback, Selection};

@@ -10,14 +10,9 @@
 mod scaled;
 mod upscale;
 
-use bevy::app::{App, Plugin};
-use bevy::asset::embedded_asset;
 use bevy::core_pipeline::schedule::{Core2d, Core2dSystems, Core3d, Core3dSystems};
 use bevy::core_pipeline::upscaling::upscaling;
-use bevy::ecs::prelude::*;
-use bevy::math::UVec2;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
+use bevy::prelude::*;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
@@ -61,8 +56,7 @@ pub struct ResolutionPlugin;
 
 impl Plugin for ResolutionPlugin {
     fn build(&self, app: &mut App) {
-        load_shader_library!(app, "catmull_rom.wgsl");
-        embedded_asset!(app, "upscale.wgsl");
+        load_shader_library!(app, "upscale.wgsl");
         app.register_type::<ResolutionScale>()
             .add_plugins(ExtractComponentPlugin::<ResolutionScale>::default());
     }

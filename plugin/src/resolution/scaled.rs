@@ -5,12 +5,8 @@
 //! camera has a target of its own while textures are prepared, under which Bevy also finds the real
 //! one's attachment.
 
-use bevy::camera::{
-    ClearColorConfig, ManualTextureViewHandle, MsaaWriteback, NormalizedRenderTarget,
-};
-use bevy::color::Color;
-use bevy::ecs::prelude::*;
-use bevy::math::{UVec2, UVec4};
+use bevy::camera::{ManualTextureViewHandle, NormalizedRenderTarget};
+use bevy::prelude::*;
 use bevy::render::camera::{ExtractedCamera, SortedCameras};
 use bevy::render::view::{ExtractedView, ViewTargetAttachments};
 

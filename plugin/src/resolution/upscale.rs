@@ -1,17 +1,15 @@
 //! The pass that writes a scaled camera's image to its target.
 
 use bevy::asset::load_embedded_asset;
-use bevy::camera::{CameraOutputMode, ClearColor, ClearColorConfig};
+use bevy::camera::CameraOutputMode;
 use bevy::core_pipeline::FullscreenShader;
-use bevy::ecs::prelude::*;
+use bevy::prelude::*;
 use bevy::render::camera::{ExtractedCamera, SortedCameras};
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{sampler, texture_2d};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::ViewTarget;
-use bevy::shader::Shader;
-use bevy::utils::default;
 
 use super::ResolutionScale;
 use super::scaled::{ScaledView, is_over_another};
@@ -24,7 +22,7 @@ pub struct UpscalePipelineId(CachedRenderPipelineId, ClearColorConfig);
 #[derive(Resource)]
 pub(super) struct UpscalePipelines {
     layout: BindGroupLayoutDescriptor,
-    shader: bevy::asset::Handle<Shader>,
+    shader: Handle<Shader>,
     vertex: VertexState,
     sampler: Sampler,
 }
@@ -85,23 +83,23 @@ pub(super) fn prepare_pipelines(
     views: Query<(Entity, &ExtractedCamera, Has<ScaledView>, &ViewTarget), With<ResolutionScale>>,
 ) {
     for (entity, camera, is_scaled, target) in &views {
-        let mut entity_commands = commands.entity(entity);
-        let (Some(format), CameraOutputMode::Write { blend_state, clear_color }) =
-            (target.out_texture_view_format(), camera.output_mode)
-        else {
-            entity_commands.remove::<UpscalePipelineId>();
-            continue;
+        let id = match (target.out_texture_view_format(), camera.output_mode) {
+            (Some(format), CameraOutputMode::Write { blend_state, clear_color }) => {
+                // The image of a camera over another is premultiplied: it was drawn on transparent
+                // black.
+                let over = is_over_another(entity, &sorted)
+                    .then_some(BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+                // Queued in the first frame, also at scale 1, so that no later switch waits for it.
+                let key = (format, blend_state.or(over));
+                let pipeline = specialized.specialize(&cache, &pipelines, key);
+                is_scaled.then_some(UpscalePipelineId(pipeline, clear_color))
+            }
+            _ => None,
         };
-        // The image of a camera over another is premultiplied: it was drawn on transparent black.
-        let over =
-            is_over_another(entity, &sorted).then_some(BlendState::PREMULTIPLIED_ALPHA_BLENDING);
-        // Queued in the first frame, also at scale 1, so that no later switch waits for it.
-        let pipeline = specialized.specialize(&cache, &pipelines, (format, blend_state.or(over)));
-        if is_scaled {
-            entity_commands.insert(UpscalePipelineId(pipeline, clear_color));
-        } else {
-            entity_commands.remove::<UpscalePipelineId>();
-        }
+        match id {
+            Some(id) => commands.entity(entity).insert(id),
+            None => commands.entity(entity).remove::<UpscalePipelineId>(),
+        };
     }
 }
 
@@ -147,10 +145,7 @@ pub(super) fn upscale(
         let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some("frugal_gi/upscale"),
             color_attachments: &[Some(attachment)],
-            depth_stencil_attachment: None,
-            timestamp_writes: None,
-            occlusion_query_set: None,
-            multiview_mask: None,
+            ..default()
         });
         let (position, size) = (part.position.as_vec2(), part.size.as_vec2());
         pass.set_viewport(position.x, position.y, size.x, size.y, 0.0, 1.0);
