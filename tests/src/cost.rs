@@ -34,7 +34,7 @@ impl Clock {
     /// Mean time over `frames` frames, milliseconds per frame.
     pub fn frames_ms(self, stage: &mut Stage, frames: u32) -> f64 {
         let mut meter = CpuTimeMeter::default();
-        let watts = meter.watts_per_core().0;
+        let watts = CpuTimeMeter::DEFAULT_WATTS_PER_CORE.0;
         let mut cpu_seconds = || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
         let (start, cpu_start) = (Instant::now(), cpu_seconds());
         (0..frames).for_each(|_| stage.frame());

@@ -85,39 +85,8 @@ impl Adapter {
         Err(MeterError::unavailable(meter, reason))
     }
 
-    /// PCI identifier of the vendor: the reported one, or by the name; `None` where both say
-    /// nothing.
+    /// PCI identifier of the vendor; `None` where unknown.
     pub(crate) fn vendor(&self) -> Option<u32> {
-        if self.vendor_id != 0 {
-            return Some(self.vendor_id);
-        }
-        let name = self.name.to_lowercase();
-        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
-        if has(&["nvidia", "geforce", "quadro"]) {
-            Some(vendor::NVIDIA)
-        } else if has(&["amd ", "radeon"]) {
-            Some(vendor::AMD)
-        } else if has(&["intel"]) {
-            Some(vendor::INTEL)
-        } else {
-            None
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_vendor_is_the_reported_one_or_by_the_name() {
-        let of = |vendor_id, name: &str| {
-            Adapter { vendor_id, name: name.to_owned(), ..Adapter::default() }.vendor()
-        };
-        assert_eq!(of(0x5143, "Adreno of NVIDIA"), Some(0x5143));
-        assert_eq!(of(0, "NVIDIA GeForce RTX 3080/PCIe/SSE2"), Some(vendor::NVIDIA));
-        assert_eq!(of(0, "AMD Custom GPU 0405 (radeonsi, vangogh)"), Some(vendor::AMD));
-        assert_eq!(of(0, "Mesa Intel(R) Xe Graphics (TGL GT2)"), Some(vendor::INTEL));
-        assert_eq!((of(0, "Apple M2"), of(0, "")), (None, None));
+        (self.vendor_id != 0).then_some(self.vendor_id)
     }
 }

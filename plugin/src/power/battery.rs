@@ -6,7 +6,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use crate::power::kind::{Opened, Wanted};
+use crate::power::meter::{Opened, Wanted};
 use crate::power::{AdapterKind, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
 

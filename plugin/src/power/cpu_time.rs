@@ -7,7 +7,7 @@
 //! idle machine. Package counters (RAPL) include every other process and need root on most systems;
 //! CPU time needs no privileges.
 
-use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::meter::{MeterKind, Opened, Wanted};
 use crate::power::{AdapterKind, MeterError, MeterInfo, OpenMeterError, PowerMeter, Provenance};
 use crate::units::{Joules, Watts};
 
@@ -50,7 +50,7 @@ fn open(wanted: Wanted) -> Opened {
 /// Modelled meter: CPU time of this process × watts per busy core.
 ///
 /// Covers all threads of this process, in user and system mode, and nothing else. A reading takes
-/// less than a microsecond. Available on most Unix systems; elsewhere readings fail with
+/// less than a microsecond. Available on Unix systems; elsewhere readings fail with
 /// [`MeterError::Unavailable`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CpuTimeMeter {
@@ -77,11 +77,6 @@ impl CpuTimeMeter {
         } else {
             Err(format!("watts per core must be finite and above 0, not {}", watts_per_core.0))
         }
-    }
-
-    /// The model's constant, in watts per busy core; finite, above 0.
-    pub fn watts_per_core(&self) -> Watts {
-        self.watts_per_core
     }
 }
 
@@ -115,29 +110,13 @@ impl PowerMeter for CpuTimeMeter {
 }
 
 /// CPU time of all threads of this process so far, in seconds.
-#[cfg(all(
-    unix,
-    not(any(
-        target_os = "solaris",
-        target_os = "illumos",
-        target_os = "netbsd",
-        target_os = "redox"
-    ))
-))]
+#[cfg(unix)]
 fn process_cpu_seconds() -> Result<f64, MeterError> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Ok(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
 }
 
-#[cfg(not(all(
-    unix,
-    not(any(
-        target_os = "solaris",
-        target_os = "illumos",
-        target_os = "netbsd",
-        target_os = "redox"
-    ))
-)))]
+#[cfg(not(unix))]
 fn process_cpu_seconds() -> Result<f64, MeterError> {
     Err(MeterError::unavailable(
         CpuTimeMeter::NAME,
@@ -158,7 +137,7 @@ mod tests {
             assert!(CpuTimeMeter::with_watts_per_core(Watts(watts)).is_err(), "{watts}");
         }
         assert_eq!(
-            CpuTimeMeter::with_watts_per_core(Watts(5.0)).unwrap().watts_per_core(),
+            CpuTimeMeter::with_watts_per_core(Watts(5.0)).unwrap().watts_per_core,
             Watts(5.0)
         );
     }

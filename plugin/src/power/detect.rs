@@ -6,7 +6,7 @@ use std::time::Duration;
 // The standard one panics in a browser.
 use bevy::platform::time::Instant;
 
-use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::meter::{MeterKind, Opened, Wanted};
 #[cfg(any(windows, target_os = "macos"))]
 use crate::power::notebook::KIND as BATTERY;
 use crate::power::root::SysRoot;

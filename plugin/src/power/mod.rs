@@ -17,7 +17,8 @@ mod adapter;
 mod battery;
 mod cpu_time;
 mod detect;
-mod kind;
+#[cfg(test)]
+mod fake;
 mod meter;
 #[cfg(any(test, windows, target_os = "macos"))]
 mod notebook;
@@ -26,8 +27,6 @@ mod nvml;
 mod plugin;
 mod root;
 mod sampler;
-#[cfg(test)]
-mod scripted;
 mod sysfs;
 mod tracker;
 
@@ -35,20 +34,19 @@ pub use adapter::{Adapter, AdapterKind};
 pub(crate) use battery::Feed;
 pub use cpu_time::CpuTimeMeter;
 pub use detect::{detect, meters, open};
-pub use kind::OpenMeterError;
-pub use meter::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
+#[cfg(test)]
+pub(crate) use fake::ScriptedMeter;
+pub use meter::{Count, MeterError, MeterInfo, OpenMeterError, PowerMeter, Provenance, Reading};
 #[cfg(feature = "stage")]
 pub(crate) use plugin::switch_off;
 pub use plugin::{MeterChoice, MeterFactory, MeteredPower, PowerPlugin, PowerSystems};
 pub use sampler::{PowerSampler, SamplerSettings};
-#[cfg(test)]
-pub(crate) use scripted::ScriptedMeter;
 pub use tracker::{MeterState, PowerSnapshot};
 
 /// In place of NVML in a build without it.
 #[cfg(not(feature = "nvml"))]
 mod nvml {
-    use super::kind::MeterKind;
+    use super::meter::MeterKind;
 
     pub(crate) const KIND: MeterKind = MeterKind {
         name: "nvml",

@@ -5,7 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use crate::power::MeterError;
 use crate::power::battery::{self, Cell, Cells, NAME, State};
-use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::meter::{MeterKind, Opened, Wanted};
 use crate::units::{Joules, Watts};
 
 /// Meter kind of these systems; there is one machine, and all of its batteries count.

@@ -16,11 +16,11 @@ use bevy::platform::time::Instant;
 use nvml_wrapper::Nvml;
 use nvml_wrapper::error::NvmlError;
 
-use crate::power::adapter::{RENDERS_ON_CPU, vendor};
-use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::adapter::vendor;
+use crate::power::meter::{MeterKind, Opened, Wanted};
 use crate::power::root::SysRoot;
-use crate::power::sysfs::cards::{Card, SLEEPS, cards};
-use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, PowerMeter, Provenance};
+use crate::power::sysfs::cards::{Card, SLEEPS, cards, check_vendor};
+use crate::power::{Adapter, MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::Joules;
 
 const NAME: &str = "nvml";
@@ -48,7 +48,11 @@ fn open(root: &SysRoot, wanted: Wanted) -> Opened {
     let index = match wanted {
         Wanted::Usual => Some(0),
         Wanted::Named(text) => text.parse().ok(),
-        Wanted::For(adapter) => adapter_board(&nvml, adapter),
+        // An empty address is unknown to NVML, too.
+        Wanted::For(adapter) => nvml
+            .device_by_pci_bus_id(adapter.pci_bus_id.as_str())
+            .and_then(|device| device.index())
+            .ok(),
     };
     let (index, board) = match (index, wanted) {
         (Some(index), _) => (index, board_name(&nvml, index)?),
@@ -64,27 +68,9 @@ fn open(root: &SysRoot, wanted: Wanted) -> Opened {
 /// Whether the library may be loaded for `adapter`: not where that would start the driver of a board
 /// that does not render, or that sleeps.
 fn may_load(root: &SysRoot, adapter: Option<&Adapter>) -> Result<(), MeterError> {
-    let refuse = |reason: &str| Err(MeterError::unavailable(NAME, reason));
     let all = cards(root);
     if let Some(adapter) = adapter {
-        if adapter.kind == AdapterKind::Software {
-            return refuse(RENDERS_ON_CPU);
-        }
-        match adapter.vendor() {
-            Some(vendor::NVIDIA) => {}
-            Some(_) => {
-                return refuse("the adapter is another vendor's, which this meter does not cover");
-            }
-            None if all.len() > 1 => {
-                return refuse(
-                    "the adapter is unknown, and there are several cards: name a board as nvml=INDEX",
-                );
-            }
-            None if all.iter().any(|card| card.vendor != vendor::NVIDIA) => {
-                return refuse("the machine's card is another vendor's");
-            }
-            None => {}
-        }
+        check_vendor(NAME, vendor::NVIDIA, adapter, &all)?;
     }
     let is_it = |card: &&Card| {
         let address = adapter.map_or("", |adapter| adapter.pci_bus_id.as_str());
@@ -171,19 +157,12 @@ impl PowerMeter for NvmlMeter {
 /// Loads the driver's library. Without the development links, Linux has only the versioned name,
 /// which the wrapper does not try.
 fn load() -> Result<Nvml, MeterError> {
-    match Nvml::init() {
-        Err(NvmlError::LibloadingError(error)) if cfg!(target_os = "linux") => {
-            // Where both fail, the first error is reported: it names the library that users look
-            // for.
-            Nvml::builder().lib_path("libnvidia-ml.so.1".as_ref()).init().map_err(|second| {
-                match second {
-                    NvmlError::LibloadingError(_) => meter_error(NvmlError::LibloadingError(error)),
-                    other => meter_error(other),
-                }
-            })
-        }
-        outcome => outcome.map_err(meter_error),
-    }
+    let loaded = if cfg!(target_os = "linux") {
+        Nvml::builder().lib_path("libnvidia-ml.so.1".as_ref()).init()
+    } else {
+        Nvml::init()
+    };
+    loaded.map_err(meter_error)
 }
 
 /// The machine's board, where there is one: any of several might not be the one that renders.
@@ -224,14 +203,6 @@ fn board_named(nvml: &Nvml, name: &str) -> Result<(u32, String), MeterError> {
             ),
         )),
     }
-}
-
-/// The board at the adapter's PCI address. `None` when the address is unknown, or unknown to NVML.
-fn adapter_board(nvml: &Nvml, adapter: &Adapter) -> Option<u32> {
-    if adapter.pci_bus_id.is_empty() {
-        return None;
-    }
-    nvml.device_by_pci_bus_id(adapter.pci_bus_id.as_str()).and_then(|device| device.index()).ok()
 }
 
 /// A board's name without the parts that differ between drivers and APIs: "NVIDIA GeForce RTX

@@ -1,7 +1,6 @@
 //! The sampler in a Bevy app: starts it for the rendering device, and publishes its figures every
 //! frame.
 
-use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -39,21 +38,10 @@ pub enum MeterChoice {
     Off,
 }
 
-impl fmt::Debug for MeterChoice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Automatic => f.write_str("Automatic"),
-            Self::Named(name) => f.debug_tuple("Named").field(name).finish(),
-            Self::Custom(_) => f.write_str("Custom"),
-            Self::Off => f.write_str("Off"),
-        }
-    }
-}
-
 /// Meters the app's power in the background: [`MeteredPower`] and [`PowerPlugin::POWER`].
 ///
 /// Without a meter the app continues, with one warning and the reason in [`MeteredPower::state`].
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct PowerPlugin {
     /// The meter to read. Default: automatic.
     pub meter: MeterChoice,
@@ -168,21 +156,18 @@ fn start_sampler(
     }
 }
 
-/// Publishes changed figures of the sampler. Warns once of each fault.
+/// Publishes the figures of the sampler. Warns once of each fault.
 fn publish_power(
     sampler: Res<RunningSampler>,
     mut metered: ResMut<MeteredPower>,
     mut diagnostics: Diagnostics,
-    mut seen: Local<Option<(u64, bool)>>,
-    mut sample_count: Local<u64>,
     mut said: Local<SaidFaults>,
     mut started: Local<Option<Instant>>,
 ) {
-    let Some(snapshot) = sampler.0.snapshot_if_changed(&mut seen) else { return };
-    if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > *sample_count) {
+    let snapshot = sampler.0.snapshot();
+    if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > metered.sample_count) {
         diagnostics.add_measurement(&PowerPlugin::POWER, || latest.0);
     }
-    *sample_count = snapshot.sample_count;
     if let MeterState::Lost { reason } | MeterState::Unavailable { reason } = &snapshot.state
         && said.is_new(reason, started.get_or_insert_with(Instant::now).elapsed())
     {
@@ -193,7 +178,7 @@ fn publish_power(
     {
         info!("power meter: {} ({:?}): {}", info.name, info.provenance, info.description);
     }
-    *metered = MeteredPower {
+    metered.set_if_neq(MeteredPower {
         latest: snapshot.latest,
         mean: snapshot.mean,
         interval: snapshot.interval,
@@ -201,7 +186,7 @@ fn publish_power(
         sample_count: snapshot.sample_count,
         info: snapshot.info,
         state: snapshot.state,
-    };
+    });
 }
 
 #[cfg(test)]

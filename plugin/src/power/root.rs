@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::power::MeterError;
 
 /// Longest number in a file, bytes: more is no number.
-const MAX_BYTES: usize = 64;
+const MAX_BYTES: u64 = 64;
 
 /// Environment variable that names another root.
 const ROOT_VARIABLE: &str = "FRUGAL_SYS_ROOT";
@@ -78,9 +78,8 @@ impl SysRoot {
 
     /// The text of a short file; `None` where it cannot be read.
     pub(crate) fn text(&self, path: &Path) -> Option<String> {
-        let mut buffer = [0; 4096];
-        let length = read(self.open, path, &mut buffer).ok()?;
-        Some(String::from_utf8_lossy(&buffer[..length]).into_owned())
+        let bytes = read(self.open, path, 4096).ok()?;
+        Some(String::from_utf8_lossy(&bytes).into_owned())
     }
 }
 
@@ -133,16 +132,14 @@ impl NumberFile {
         &self.path
     }
 
-    /// The file's number now. Allocates nothing unless it fails.
+    /// The file's number now.
     ///
     /// # Errors
     /// [`Fault`] says why there is none.
     pub(crate) fn read(&self) -> Result<i64, Fault> {
-        let mut buffer = [0; MAX_BYTES];
-        let length = read(self.open, &self.path, &mut buffer)?;
-        let bytes = &buffer[..length];
-        let number = std::str::from_utf8(bytes).ok().and_then(|text| text.trim().parse().ok());
-        number.ok_or_else(|| Fault::NotANumber(String::from_utf8_lossy(bytes).trim().to_owned()))
+        let bytes = read(self.open, &self.path, MAX_BYTES)?;
+        let text = String::from_utf8_lossy(&bytes);
+        text.trim().parse().map_err(|_| Fault::NotANumber(text.trim().to_owned()))
     }
 
     /// The meter's error for a fault of this file. `remedy`: what to do where access is denied.
@@ -163,17 +160,9 @@ impl NumberFile {
     }
 }
 
-/// Fills the buffer from the file, and returns the length.
-fn read(open: fn(&Path) -> io::Result<File>, path: &Path, buffer: &mut [u8]) -> io::Result<usize> {
-    let mut file = open(path)?;
-    let mut length = 0;
-    while length < buffer.len() {
-        match file.read(&mut buffer[length..]) {
-            Ok(0) => break,
-            Ok(more) => length += more,
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(length)
+/// The file's first bytes.
+fn read(open: fn(&Path) -> io::Result<File>, path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.take(most).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::power::MeterError;
 use crate::power::battery::{self, Cell, Cells, NAME, State};
-use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::meter::{MeterKind, Opened, Wanted};
 use crate::power::root::{Fault, SysRoot};
 use crate::units::{Joules, Watts};
 

@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
 use crate::power::adapter::RENDERS_ON_CPU;
-use crate::power::kind::Wanted;
+use crate::power::meter::Wanted;
 use crate::power::root::SysRoot;
 use crate::power::{Adapter, AdapterKind, MeterError};
 
@@ -142,6 +142,27 @@ pub(super) fn choose(
     }
 }
 
+/// Fails where an adapter is none of this vendor's cards, or may be one of several.
+pub(crate) fn check_vendor(
+    meter: &str,
+    vendor: u32,
+    adapter: &Adapter,
+    all: &[Card],
+) -> Result<(), MeterError> {
+    let reason = match adapter.vendor() {
+        _ if adapter.kind == AdapterKind::Software => RENDERS_ON_CPU,
+        Some(other) if other != vendor => "the adapter is another vendor's",
+        None if all.len() > 1 => {
+            "the adapter is unknown, and there are several cards: name one after ="
+        }
+        None if all.iter().any(|card| card.vendor != vendor) => {
+            "the machine's card is another vendor's"
+        }
+        _ => return Ok(()),
+    };
+    Err(MeterError::unavailable(meter, reason))
+}
+
 /// The vendor's card that is the rendering adapter.
 fn choose_for(
     root: &SysRoot,
@@ -149,20 +170,11 @@ fn choose_for(
     vendor: u32,
     adapter: &Adapter,
 ) -> Result<Card, MeterError> {
-    let unsuitable = |reason: &str| Err(MeterError::unavailable(meter, reason));
-    if adapter.kind == AdapterKind::Software {
-        return unsuitable(RENDERS_ON_CPU);
-    }
-    if adapter.vendor().is_some_and(|other| other != vendor) {
-        return unsuitable("the adapter is another vendor's");
-    }
     let all = cards(root);
+    check_vendor(meter, vendor, adapter, &all)?;
     let ours: Vec<&Card> = all.iter().filter(|card| card.vendor == vendor).collect();
     if ours.is_empty() {
         return Err(none(root, meter));
-    }
-    if adapter.vendor().is_none() && all.len() > 1 {
-        return unsuitable("the adapter is unknown, and there are several cards: name one");
     }
     if let Some(address) = parsed(&adapter.pci_bus_id) {
         let found = ours.iter().find(|card| parsed(&card.address) == Some(address));
@@ -179,7 +191,7 @@ fn choose_for(
     match (&same[..], &ours[..]) {
         ([card], _) => Ok((*card).clone()),
         ([], [card]) if adapter.device_id == 0 || card.device == 0 => Ok((*card).clone()),
-        ([], [_]) => unsuitable("the adapter is another model"),
+        ([], [_]) => Err(MeterError::unavailable(meter, "the adapter is another model")),
         _ => Err(ambiguous(meter, &ours)),
     }
 }

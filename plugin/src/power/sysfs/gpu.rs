@@ -9,7 +9,7 @@ use super::cards::{Card, choose};
 use super::{FileKind, Found, Quantity, open as open_files};
 use crate::power::MeterError;
 use crate::power::adapter::vendor;
-use crate::power::kind::MeterKind;
+use crate::power::meter::MeterKind;
 use crate::power::root::{Fault, SysRoot};
 
 const AMD_NAME: &str = "amdgpu";

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use super::{FileKind, Found, Quantity, open as open_files};
 use crate::power::MeterError;
-use crate::power::kind::{MeterKind, Wanted};
+use crate::power::meter::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
 
 const NAME: &str = "jetson";

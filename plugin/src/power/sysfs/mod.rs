@@ -18,7 +18,7 @@ pub(crate) mod rapl;
 #[cfg(test)]
 mod tests;
 
-use crate::power::kind::{Opened, Wanted};
+use crate::power::meter::{Opened, Wanted};
 use crate::power::root::{Fault, NumberFile, SysRoot};
 use crate::power::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
@@ -74,11 +74,6 @@ fn open(kind: &'static FileKind, root: &SysRoot, wanted: Wanted) -> Opened {
 }
 
 impl FileKind {
-    /// The meter's error for the fault of a file.
-    fn error(&self, file: &NumberFile, fault: Fault) -> MeterError {
-        file.error(self.name, fault, self.remedy)
-    }
-
     /// The number in a file that belongs to `card`, if there is one.
     fn number(
         &self,
@@ -89,7 +84,7 @@ impl FileKind {
         file.read().map_err(|fault| match (&fault, card) {
             (Fault::Refused(_), Some(_)) => self.asleep(),
             (Fault::Busy(_), Some(card)) if !card.is_awake(root) => self.asleep(),
-            _ => self.error(file, fault),
+            _ => file.error(self.name, fault, self.remedy),
         })
     }
 

@@ -6,7 +6,7 @@ use super::each;
 use super::play::Play;
 use super::variants::{VARIANTS, Variant};
 use crate::power::battery::{Cells, Feed, feed_of};
-use crate::power::kind::Wanted;
+use crate::power::meter::Wanted;
 
 const BAT0: &str = "sys/class/power_supply/BAT0";
 const BAT1: &str = "sys/class/power_supply/BAT1";

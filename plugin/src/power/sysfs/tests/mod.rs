@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::fake::{Tree, opened};
 use super::jetson;
-use crate::power::kind::Wanted;
+use crate::power::meter::Wanted;
 use crate::power::{MeterState, PowerSampler, SamplerSettings};
 
 use play::{HIGH, LOW, Play, TRUE};

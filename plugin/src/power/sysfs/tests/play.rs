@@ -6,9 +6,7 @@ use std::time::Duration;
 
 use super::super::fake::Tree;
 use super::variants::{Reads, Variant};
-use crate::power::kind::Wanted;
-use crate::power::meter::SaidFaults;
-use crate::power::meter::least_window;
+use crate::power::meter::{SaidFaults, Wanted, least_window};
 use crate::power::tracker::{Moment, PowerTracker};
 use crate::power::{MeterState, PowerMeter};
 

@@ -1,7 +1,7 @@
 //! Kinds of meters with the files that they read.
 
 use super::super::{battery, gpu, jetson, rapl};
-use crate::power::kind::MeterKind;
+use crate::power::meter::MeterKind;
 use crate::power::root::SysRoot;
 use crate::power::{MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::Joules;
