@@ -12,8 +12,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::gather::Gather
-#import bevy_frugal_gi::gi::view::noise::luminance
-#import bevy_frugal_gi::gi::view::noise::pixel_noise
+#import bevy_frugal_gi::gi::view::noise::{luminance, pixel_noise}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
