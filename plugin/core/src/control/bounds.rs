@@ -1,11 +1,9 @@
 //! Bounds on knobs that the player or the app sets, and the frontier within them.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
 
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 
@@ -23,47 +21,44 @@ use crate::knobs::{KnobLevels, KnobSpace};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(
     feature = "bevy",
-    derive(bevy_ecs::component::Component, Reflect),
+    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
     reflect(Component, Default, Clone, Debug, PartialEq)
 )]
 pub struct KnobBounds {
-    bounds: Vec<KnobBound>,
-}
-
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
-struct KnobBound {
-    name: String,
-    least: usize,
-    most: usize,
+    /// The lowest and the highest level, by the knob's name.
+    bounds: BTreeMap<String, (usize, usize)>,
 }
 
 impl KnobBounds {
     /// Holds the knob called `name` at `level`; a level beyond its last counts as the last.
     pub fn pin(&mut self, name: &str, level: usize) -> &mut Self {
-        let bound = self.bound(name);
-        (bound.least, bound.most) = (level, level);
-        self
+        self.bound(name, |_| (level, level))
     }
 
     /// Sets the lowest level of the knob called `name`. Higher values keep its quality and leave less
     /// for other knobs.
     pub fn at_least(&mut self, name: &str, level: usize) -> &mut Self {
-        let bound = self.bound(name);
-        (bound.least, bound.most) = (level, bound.most.max(level));
-        self
+        self.bound(name, |(_, most)| (level, most.max(level)))
     }
 
     /// Sets the highest level of the knob called `name`. Lower values leave more for other knobs.
     pub fn at_most(&mut self, name: &str, level: usize) -> &mut Self {
-        let bound = self.bound(name);
-        (bound.least, bound.most) = (bound.least.min(level), level);
+        self.bound(name, |(least, _)| (least.min(level), level))
+    }
+
+    fn bound(
+        &mut self,
+        name: &str,
+        new: impl FnOnce((usize, usize)) -> (usize, usize),
+    ) -> &mut Self {
+        let bound = self.bounds.entry(name.to_owned()).or_insert((0, usize::MAX));
+        *bound = new(*bound);
         self
     }
 
     /// Hands the knob called `name` back to the controller.
     pub fn release(&mut self, name: &str) -> &mut Self {
-        self.bounds.retain(|bound| bound.name != name);
+        self.bounds.remove(name);
         self
     }
 
@@ -74,22 +69,12 @@ impl KnobBounds {
 
     /// The lowest and the highest level of the knob called `name`; `None` where it has no bound.
     pub fn get(&self, name: &str) -> Option<(usize, usize)> {
-        let bound = self.bounds.iter().find(|bound| bound.name == name)?;
-        Some((bound.least, bound.most))
+        self.bounds.get(name).copied()
     }
 
     /// Whether no knob has a bound.
     pub fn is_empty(&self) -> bool {
         self.bounds.is_empty()
-    }
-
-    fn bound(&mut self, name: &str) -> &mut KnobBound {
-        let index = self.bounds.iter().position(|bound| bound.name == name).unwrap_or_else(|| {
-            let free = KnobBound { name: name.to_owned(), least: 0, most: usize::MAX };
-            self.bounds.push(free);
-            self.bounds.len() - 1
-        });
-        &mut self.bounds[index]
     }
 
     /// Pins every knob of `space` in which `new` differs from `old`.
@@ -109,52 +94,15 @@ impl KnobBounds {
         })
     }
 
-    /// The frontier of the nearest settings within the bounds to those of `frontier`.
-    fn within(&self, space: &KnobSpace, frontier: &Frontier) -> Frontier {
+    /// The frontier of the nearest settings within the bounds to those of `frontier`; `None` where there
+    /// are no bounds.
+    pub fn within(&self, space: &KnobSpace, frontier: &Frontier) -> Option<Frontier> {
         let nearest = |point: &FrontierPoint| {
             let settings = self.nearest(space, point.settings);
             Some(FrontierPoint { settings, cost: frontier.estimate(space, settings)? })
         };
-        Frontier::from_points(frontier.points().iter().filter_map(nearest))
-    }
-}
-
-/// The frontier within a camera's bounds that was found last: it is made once for an address.
-#[derive(Debug, Default)]
-pub struct BoundedFrontier(Option<Bounded>);
-
-#[derive(Debug)]
-struct Bounded {
-    bounds: KnobBounds,
-    /// A map that changes has another space.
-    space: Arc<KnobSpace>,
-    /// Address of the whole frontier.
-    whole: usize,
-    within: Arc<Frontier>,
-}
-
-impl BoundedFrontier {
-    /// `frontier` within `bounds`; `None` where there are none. Allocates at another address alone.
-    pub fn get(
-        &mut self,
-        bounds: &KnobBounds,
-        space: &Arc<KnobSpace>,
-        frontier: &Frontier,
-    ) -> Option<Arc<Frontier>> {
-        if bounds.is_empty() {
-            self.0 = None;
-            return None;
-        }
-        let whole = std::ptr::from_ref(frontier).addr();
-        let is_current = |it: &Bounded| {
-            it.whole == whole && Arc::ptr_eq(&it.space, space) && it.bounds == *bounds
-        };
-        if !self.0.as_ref().is_some_and(is_current) {
-            let within = Arc::new(bounds.within(space, frontier));
-            let (bounds, space) = (bounds.clone(), Arc::clone(space));
-            self.0 = Some(Bounded { bounds, space, whole, within });
-        }
-        self.0.as_ref().map(|it| Arc::clone(&it.within))
+        let points = frontier.points().iter().filter_map(nearest);
+        (!self.is_empty()).then(|| Frontier::from_points(points))
     }
 }
 
@@ -166,22 +114,18 @@ mod tests {
 
     #[test]
     fn a_bounded_frontier_keeps_the_bounds_and_costs_what_the_whole_one_says() {
-        let (space, frontier) = (Arc::new(testing::space()), testing::frontier(1.0));
+        let (space, frontier) = (testing::space(), testing::frontier(1.0));
         let names: Vec<&str> = space.knobs().iter().map(|knob| knob.name.as_str()).collect();
-        let mut cache = BoundedFrontier::default();
         let mut bounds = KnobBounds::default();
-        assert!(cache.get(&bounds, &space, &frontier).is_none());
+        assert_eq!(bounds.within(&space, &frontier), None);
         bounds.at_least(names[0], 2).at_most(names[1], 1);
-        let within = cache.get(&bounds, &space, &frontier).expect("a frontier");
+        let within = bounds.within(&space, &frontier).expect("a frontier");
         assert!(!within.is_empty());
         for point in within.points() {
             assert!(point.settings.level(0) >= 2 && point.settings.level(1) <= 1, "{point:?}");
             assert_eq!(frontier.estimate(&space, point.settings), Some(point.cost));
         }
-        let again = cache.get(&bounds, &space, &frontier).expect("a frontier");
-        assert!(Arc::ptr_eq(&within, &again), "made once");
-        let other = testing::frontier(5.0);
-        let there = cache.get(&bounds, &space, &other).expect("a frontier");
+        let there = bounds.within(&space, &testing::frontier(5.0)).expect("a frontier");
         assert!(there.points()[0].cost.power > Watts(4.0), "another address");
     }
 

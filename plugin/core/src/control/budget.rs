@@ -5,8 +5,6 @@ use std::time::Duration;
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
 #[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
-#[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 
 use crate::units::{Joules, Watts};
@@ -30,7 +28,7 @@ use crate::units::{Joules, Watts};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(
     feature = "bevy",
-    derive(bevy_ecs::component::Component, Reflect),
+    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
     reflect(Component, Default, Clone, Debug, PartialEq)
 )]
 #[non_exhaustive]
@@ -81,7 +79,7 @@ pub struct Budget {
 
 /// What keeps settings from being better: a limit of a [`Budget`], or another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 #[non_exhaustive]
 pub enum Limit {
     /// Mean power, in watts.
@@ -106,23 +104,12 @@ pub enum Limit {
 
 /// Invalid budget: a limit that is NaN, negative or out of its range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BudgetError {
-    /// The power limit, in watts, is NaN or negative.
-    #[error("power budget of {0} W: give a number of watts of 0 or more, or no limit")]
-    Power(f64),
-    /// The limit on the power of each frame, in watts, is NaN or negative.
-    #[error("peak of {0} W: give a number of watts of 0 or more, or no limit")]
-    Peak(f64),
-    /// The error limit (1 − SSIM) is NaN or negative.
-    #[error("error budget of {0}: give 1 - SSIM as a number of 0 or more, or no limit")]
-    Error(f64),
-    /// The limit on the energy of a frame, in joules, is NaN or negative.
-    #[error("energy budget of {0} J per frame: give a number of joules of 0 or more, or no limit")]
-    EnergyPerFrame(f64),
-    /// The thermal headroom to keep is not from 0 to 1.
-    #[error("thermal headroom of {0} to keep: give a number from 0 to 1, or no limit")]
-    Headroom(f64),
+#[error("{limit} of {value}{unit}: give {expected}, or no limit")]
+pub struct BudgetError {
+    limit: &'static str,
+    value: f64,
+    unit: &'static str,
+    expected: &'static str,
 }
 
 impl Default for Budget {
@@ -199,29 +186,32 @@ impl Budget {
     /// [`BudgetError`] for the first limit that is not, NaN included; the power limit is checked
     /// first.
     pub fn validate(&self) -> Result<(), BudgetError> {
-        let is_invalid = |limit: &f64| limit.is_nan() || *limit < 0.0;
-        if let Some(power) = self.power.map(|power| power.0).filter(is_invalid) {
-            return Err(BudgetError::Power(power));
+        let (watts, joules) = ("a number of watts of 0 or more", "a number of joules of 0 or more");
+        let (power, peak) = (self.power.map(|it| it.0), self.peak.map(|it| it.0));
+        let energy = self.energy_per_frame.map(|it| it.0);
+        let any = 0.0..=f64::INFINITY;
+        for (limit, value, unit, range, expected) in [
+            ("power budget", power, " W", &any, watts),
+            ("peak", peak, " W", &any, watts),
+            ("error budget", self.error, "", &any, "1 - SSIM as a number of 0 or more"),
+            ("energy budget", energy, " J per frame", &any, joules),
+            ("thermal headroom", self.headroom, " to keep", &(0.0..=1.0), "a number from 0 to 1"),
+        ] {
+            if let Some(value) = value.filter(|value| !range.contains(value)) {
+                return Err(BudgetError { limit, value, unit, expected });
+            }
         }
-        if let Some(peak) = self.peak.map(|peak| peak.0).filter(is_invalid) {
-            return Err(BudgetError::Peak(peak));
-        }
-        if let Some(error) = self.error.filter(is_invalid) {
-            return Err(BudgetError::Error(error));
-        }
-        if let Some(energy) = self.energy_per_frame.map(|energy| energy.0).filter(is_invalid) {
-            return Err(BudgetError::EnergyPerFrame(energy));
-        }
-        match self.headroom.filter(|share| !(0.0..=1.0).contains(share)) {
-            Some(share) => Err(BudgetError::Headroom(share)),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn refused(budget: Budget) -> &'static str {
+        budget.validate().expect_err("an invalid limit").limit
+    }
 
     #[test]
     fn zero_and_infinity_are_valid_limits_nan_and_negative_numbers_are_not() {
@@ -232,14 +222,10 @@ mod tests {
             assert_eq!(Budget::both(Watts(limit), limit).validate(), Ok(()));
         }
         for limit in [f64::NAN, -1e-300, -7.0, f64::NEG_INFINITY] {
-            assert!(matches!(Budget::power(Watts(limit)).validate(), Err(BudgetError::Power(_))));
-            assert!(matches!(Budget::error(limit).validate(), Err(BudgetError::Error(_))));
-            let peak = Budget::default().with_peak(Watts(limit));
-            assert!(matches!(peak.validate(), Err(BudgetError::Peak(_))));
-            assert!(matches!(
-                Budget::both(Watts(1.0), limit).validate(),
-                Err(BudgetError::Error(_))
-            ));
+            assert_eq!(refused(Budget::power(Watts(limit))), "power budget");
+            assert_eq!(refused(Budget::error(limit)), "error budget");
+            assert_eq!(refused(Budget::default().with_peak(Watts(limit))), "peak");
+            assert_eq!(refused(Budget::both(Watts(1.0), limit)), "error budget");
         }
         assert_eq!(Budget::default().validate(), Ok(()));
     }
@@ -251,10 +237,8 @@ mod tests {
             assert_eq!(none.with_energy_per_frame(Joules(energy)).validate(), Ok(()));
         }
         for odd in [f64::NAN, -0.1, f64::NEG_INFINITY] {
-            let energy = none.with_energy_per_frame(Joules(odd)).validate();
-            assert!(matches!(energy, Err(BudgetError::EnergyPerFrame(_))), "{odd}");
-            let headroom = none.with_headroom(odd).validate();
-            assert!(matches!(headroom, Err(BudgetError::Headroom(_))), "{odd}");
+            assert_eq!(refused(none.with_energy_per_frame(Joules(odd))), "energy budget");
+            assert_eq!(refused(none.with_headroom(odd)), "thermal headroom");
         }
         assert!(none.with_headroom(1.1).validate().is_err());
         for share in [0.0, 0.3, 1.0] {

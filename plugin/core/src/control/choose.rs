@@ -1,10 +1,18 @@
-//! A frame's choice on the frontier of its view, at the exchange rate that a budget allows.
+//! A frame's choice on the frontier of its view, at the exchange rate that a budget allows, and its dwell:
+//! how long a target stays before another takes its place.
+//!
+//! A change of settings is visible, a brief gain is not. So a target stays for a least time, and
+//! then until another is worth the change, unless the budget cannot bear it. The first change after
+//! a rest does not wait.
+
+use glam::Vec3;
 
 use super::limits::Limits;
 use super::rate::Rate;
 use super::select::select_within;
 use super::{Choice, Limit, Outcome};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
+use crate::knobs::KnobLevels;
 use crate::units::Watts;
 
 /// The settings of `frontier` with the least power + λ × error, among those that the budget can bear for
@@ -93,6 +101,76 @@ fn binding(
         _ if dearer.is_none() => None,
         _ if is_by_error => Some(Limit::Error),
         _ => by_power(),
+    }
+}
+
+/// Least gain in power + λ × error of a change that spends less, as a share of the new power.
+/// Higher values switch less often and follow views less closely.
+const LEAST_GAIN: f64 = 0.02;
+/// Distance, metres, and cosine of the angle from which a view has moved.
+const MOVED: (f32, f32) = (0.2, 0.996);
+/// Exchange rate that stands for an infinite one, where powers decide between equal errors.
+const LARGE_RATE: f64 = 1e12;
+
+/// The target in use, and since when.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Dwell {
+    target: Option<KnobLevels>,
+    seconds: f64,
+    /// Position and viewing direction at the last change.
+    view: Option<(Vec3, Vec3)>,
+    /// Whether the view has moved since the target changed last.
+    pub(super) has_moved: bool,
+}
+
+impl Dwell {
+    /// Tells of this frame's position and viewing direction.
+    pub(super) fn see(&mut self, (position, forward): (Vec3, Vec3)) {
+        let then = *self.view.get_or_insert((position, forward));
+        // Not `<`, so that NaN is no movement.
+        self.has_moved |= position.distance(then.0) > MOVED.0 || forward.dot(then.1) < MOVED.1;
+    }
+
+    /// The target of this frame, `delta_seconds` after the last: that of `wanted`, or the one in use.
+    /// `cost_of` is what settings cost here, in the watts of `wanted`.
+    pub(super) fn choose(
+        &mut self,
+        wanted: &Choice,
+        delta_seconds: f64,
+        dwell_seconds: f64,
+        cost_of: impl FnOnce(KnobLevels) -> Option<CostPoint>,
+    ) -> KnobLevels {
+        self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
+        if self.target == Some(wanted.settings) {
+            return wanted.settings;
+        }
+        let stays = |cost: CostPoint| {
+            let is_borne = cost.power <= wanted.most.power && cost.error <= wanted.most.error;
+            let rate = wanted.watts_per_error.min(LARGE_RATE);
+            let sum = |cost: CostPoint| cost.power.0 + rate * cost.error;
+            let gain = sum(cost) - sum(wanted.cost);
+            // What is left of the budget is spent where it can be borne.
+            let spends = match wanted.most.error.is_finite() {
+                true => wanted.cost.power < cost.power,
+                false => wanted.cost.power > cost.power,
+            };
+            let least = if spends { 0.0 } else { LEAST_GAIN * wanted.cost.power.0.abs() };
+            // Not `>=`, so that NaN does not wait for ever.
+            is_borne && (self.seconds < dwell_seconds || gain < least)
+        };
+        if let Some(held) = self.target
+            && cost_of(held).is_some_and(stays)
+        {
+            return held;
+        }
+        (self.target, self.seconds) = (Some(wanted.settings), 0.0);
+        (self.view, self.has_moved) = (None, false);
+        wanted.settings
+    }
+
+    /// Lets the next target in at once.
+    pub(super) fn end(&mut self) {
+        self.target = None;
     }
 }
 

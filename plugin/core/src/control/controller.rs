@@ -3,12 +3,12 @@
 
 use super::choose::choose;
 use super::limits::Limits;
-use super::rate::{Curve, MIN_HORIZON, Rate, RateTracker};
+use super::rate::{Curve, MIN_HORIZON, RateTracker};
 use super::{
     Budget, Choice, ControlSettings, ErrorFeedback, Outcome, PowerCorrection, SettingsFilter,
 };
-use crate::frontier::{CameraView, CostPoint, Frontier, FrontierStore, SampleCamera};
-use crate::knobs::{KnobLevels, KnobSpace};
+use crate::frontier::{CameraView, CostPoint, Frontier, FrontierStore, SampleCamera, SampleRef};
+use crate::knobs::KnobLevels;
 use crate::units::Watts;
 
 /// What a controller sees in one frame.
@@ -74,43 +74,35 @@ impl CameraController {
         let terms = Terms {
             store: inputs.store,
             limits,
+            current: inputs.current,
             correction: inputs.correction,
             mean_correction: inputs.mean_correction,
             errors: inputs.errors,
-            hold: inputs.settings.dwell.as_secs_f64(),
-            delta_seconds: inputs.delta_seconds,
-        };
-        let rate = terms.rate(found.frontier, &mut self.rates, &mut self.filter);
-        let choice = terms.choose(found.frontier, &rate, &self.rates, &self.filter)?;
-        let switch = Switch {
-            frontier: found.frontier,
-            space: inputs.store.knobs(),
-            sample: found.camera,
-            limits,
-            delta_seconds: inputs.delta_seconds,
-            current: inputs.current,
-            correction: inputs.correction,
             settings: &inputs.settings,
+            delta_seconds: inputs.delta_seconds,
         };
-        Some(switch.step(&choice, |_| Watts(0.0), &mut self.filter, &mut self.rates))
+        let choice = terms.choose(found.frontier, &mut self.rates, &mut self.filter)?;
+        Some(terms.switch(found, &choice, |_| Watts(0.0), &mut self.filter, &mut self.rates))
     }
 }
 
-/// What a camera's choice depends on beside its frontier.
+/// What a frame's choice, and the step towards it, depend on beside the frontier.
 #[derive(Clone, Copy)]
 pub struct Terms<'a> {
     /// The frontiers.
     pub store: &'a dyn FrontierStore,
     /// In the watts of the app's meter.
     pub limits: Limits,
+    /// As in [`Inputs`], like all the following.
+    pub current: Option<KnobLevels>,
     /// From the store's watts to those of the app's meter.
     pub correction: PowerCorrection,
     /// The same for a mean over the horizon.
     pub mean_correction: PowerCorrection,
     /// From the store's errors to those measured.
     pub errors: ErrorFeedback,
-    /// How long settings are held, seconds.
-    pub hold: f64,
+    /// Transition times, and how long settings are held.
+    pub settings: &'a ControlSettings,
     /// Duration of the frame, seconds.
     pub delta_seconds: f64,
 }
@@ -129,13 +121,14 @@ impl Terms<'_> {
         }
     }
 
-    /// The exchange rate for this frame, in a view of `frontier`. Another budget begins anew.
-    pub fn rate(
+    /// The choice in a view of `frontier`, at the exchange rate that the budget allows. Another budget
+    /// begins anew. `None` where the frontier is empty.
+    pub fn choose(
         &self,
         frontier: &Frontier,
         rates: &mut RateTracker,
         filter: &mut SettingsFilter,
-    ) -> Rate {
+    ) -> Option<Choice> {
         let (given, stored) = (&self.limits, self.stored());
         let watts = |power: Option<Watts>| power.map(|power| power.0);
         if rates.begin(watts(given.power), given.error, given.horizon) {
@@ -144,48 +137,17 @@ impl Terms<'_> {
         if let Some(overall) = self.store.overall() {
             rates.expect(overall);
         }
-        let view = Curve::of(frontier, 1.0);
-        rates.rate(&view, watts(stored.power), stored.error, self.hold, self.delta_seconds)
+        let (view, hold) = (Curve::of(frontier, 1.0), self.settings.dwell.as_secs_f64());
+        let rate = rates.rate(&view, watts(stored.power), stored.error, hold, self.delta_seconds);
+        choose(frontier, &stored, &rate, filter.has_moved() && !rates.is_instant())
     }
 
-    /// The choice at that rate. `None` where the frontier is empty.
-    pub fn choose(
-        &self,
-        frontier: &Frontier,
-        rate: &Rate,
-        rates: &RateTracker,
-        filter: &SettingsFilter,
-    ) -> Option<Choice> {
-        choose(frontier, &self.stored(), rate, filter.has_moved() && !rates.is_instant())
-    }
-}
-
-/// A frame's step from the settings in effect towards a choice.
-pub struct Switch<'a> {
-    /// The frontier of this frame.
-    pub frontier: &'a Frontier,
-    /// The store's knobs.
-    pub space: &'a KnobSpace,
-    /// The sample camera of the frontier.
-    pub sample: SampleCamera,
-    /// In the watts of the app's meter.
-    pub limits: Limits,
-    /// As in [`Inputs`].
-    pub delta_seconds: f64,
-    /// As in [`Inputs`].
-    pub current: Option<KnobLevels>,
-    /// As in [`Inputs`].
-    pub correction: PowerCorrection,
-    /// As in [`Inputs`].
-    pub settings: &'a ControlSettings,
-}
-
-impl Switch<'_> {
-    /// Moves the applied settings towards those of `choice`, and counts what they cost in `rates`.
-    /// `charge`: power that settings pay for the shared knobs of other cameras, in the
+    /// Moves the applied settings towards those of `choice` at the frontier `found`, and counts what they
+    /// cost in `rates`. `charge`: power that settings pay for the shared knobs of other cameras, in the
     /// store's watts; that of `choice` is included in its cost.
-    pub fn step(
+    pub fn switch(
         &self,
+        found: SampleRef<'_>,
         choice: &Choice,
         charge: impl Fn(KnobLevels) -> Watts,
         filter: &mut SettingsFilter,
@@ -200,10 +162,11 @@ impl Switch<'_> {
             Some(_) => {}
             None => filter.cut(),
         }
+        let space = self.store.knobs();
         let corrected =
             |cost: CostPoint| CostPoint { power: self.correction.corrected(cost.power), ..cost };
         let cost_of = |settings: KnobLevels| {
-            let CostPoint { power, error } = self.frontier.estimate(self.space, settings)?;
+            let CostPoint { power, error } = found.frontier.estimate(space, settings)?;
             Some(CostPoint { power: power + charge(settings), error })
         };
         let (seconds, dwell) = (self.delta_seconds, self.settings.dwell.as_secs_f64());
@@ -216,13 +179,13 @@ impl Switch<'_> {
         let target_cost = held_cost.unwrap_or(choice.cost);
         let limit = self.limits.peak.or(self.limits.power);
         let times = self.settings.times(&Budget::new(limit, self.limits.error));
-        let applied = filter.step(self.space, target, seconds, times);
+        let applied = filter.step(space, target, seconds, times);
         let cost =
             if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
         rates.spend(cost, self.delta_seconds);
         let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
         Decisions {
-            sample: self.sample,
+            sample: found.camera,
             target,
             applied,
             outcome: outcome_of(&self.limits, choice.outcome, predicted, predicted_applied),

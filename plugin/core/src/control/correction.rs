@@ -9,11 +9,7 @@
 //! a prior (ridge regression with exponential weights), which shares a difference out between the
 //! two. A bias takes up the map's error at the present address, which would else pass for a gain.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
-
-use super::delay::{DelayFinder, MEAN_SECONDS};
-use super::history::{MAX_WATTS, PredictionHistory};
+use super::delay::{DelayFinder, MAX_WATTS, MEAN_SECONDS, PredictionHistory};
 use crate::units::Watts;
 
 /// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
@@ -63,7 +59,7 @@ const MAP_MISMATCH_THRESHOLDS: [f64; 2] = [0.18, 0.1];
 
 /// From the watts of a map to those of the app's meter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 pub struct PowerCorrection {
     /// Metered watts per predicted watt; finite, above 0. 1: none.
     pub gain: f64,

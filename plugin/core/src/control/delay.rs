@@ -1,4 +1,4 @@
-//! How late a meter's readings are.
+//! What power was predicted for the seconds that a meter's reading is about, and how late its readings are.
 //!
 //! A battery's gauge reports what was, seconds ago. Of all delays in whole seconds, the meter's is the
 //! one at which changes of the predictions explain changes of the readings best (Knapp and Carter 1976,
@@ -80,7 +80,7 @@ impl Candidate {
 }
 
 /// Means of seconds, in watts; the latest last.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Seconds {
     means: VecDeque<f64>,
     /// Joules and seconds of the one that is not over.
@@ -88,10 +88,6 @@ struct Seconds {
 }
 
 impl Seconds {
-    fn new() -> Self {
-        Self { means: VecDeque::with_capacity(KEPT), begun: [0.0; 2] }
-    }
-
     /// Adds `watts` over `seconds`; returns how many seconds have ended.
     fn add(&mut self, watts: f64, seconds: f64) -> usize {
         let (mut left, mut ended) = (seconds.min(KEPT as f64), 0);
@@ -150,8 +146,8 @@ pub(super) struct DelayFinder {
 impl Default for DelayFinder {
     fn default() -> Self {
         Self {
-            predicted: Seconds::new(),
-            metered: Seconds::new(),
+            predicted: Seconds::default(),
+            metered: Seconds::default(),
             candidates: vec![Candidate::default(); MAX_DELAY + 1],
             delay: 0,
         }
@@ -225,75 +221,79 @@ impl DelayFinder {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Shortest part of the history, seconds: shorter frames share one.
+const PART_SECONDS: f64 = 0.02;
+/// Number of parts: five seconds at least.
+const PARTS: usize = 256;
+/// Lag of a meter beyond its interval, seconds, within which a change makes a reading uncertain.
+const LAG_SECONDS: f64 = 0.25;
 
-    /// Predictions that change every few seconds, metered `gain` times as high, `late` seconds later.
-    fn after(seconds: usize, late: usize, gain: f64, noise: f64) -> DelayFinder {
-        let watts = |second: usize| 4.0 + 2.0 * (78.233 * (second / 4) as f64).sin();
-        let mut finder = DelayFinder::default();
-        for second in 0..seconds {
-            (0..60).for_each(|_| finder.predict(watts(second), 1.0 / 60.0));
-            if let Some(then) = second.checked_sub(late) {
-                let wave = 1.0 + noise * f64::from(second as u16).sin();
-                finder.read(gain * watts(then) * wave + 0.5, 1.0);
-            }
-        }
-        finder
-    }
+/// Largest plausible power, watts: beyond, a number is no power of a machine that runs this plugin.
+pub(super) const MAX_WATTS: f64 = 1e5;
 
-    #[test]
-    fn the_delay_is_found_within_half_a_minute_of_readings() {
-        for late in [0, 3, 12, 30, 40] {
-            assert_eq!(after(late + 30, late, 1.4, 0.03).delay(), late);
-        }
-    }
+/// A ring of powers with their durations; allocates once.
+#[derive(Clone, Debug)]
+pub(super) struct PredictionHistory(VecDeque<(f64, f64)>);
 
-    #[test]
-    fn the_delay_of_a_slow_meter_is_found_too() {
-        let watts = |second: usize| 4.0 + 2.0 * (78.233 * (second / 7) as f64).sin();
-        let mut finder = DelayFinder::default();
-        for second in 0..200 {
-            finder.predict(watts(second), 1.0);
-            if second % 5 == 4 && second >= 29 {
-                let then = (second - 24..second - 19).map(watts).sum::<f64>() / 5.0;
-                finder.read(1.4 * then, 5.0);
-            }
-        }
-        assert_eq!(finder.delay(), 20);
-        let [predicted, metered] = finder.energies().expect("a delay");
-        assert!((metered / predicted - 1.4).abs() < 1e-6, "{metered} {predicted}");
-    }
-
-    #[test]
-    fn readings_that_follow_nothing_are_not_late() {
-        let mut finder = DelayFinder::default();
-        for second in 0..600_u16 {
-            finder.predict(if second % 50 < 25 { 2.0 } else { 5.0 }, 1.0);
-            // Noise alone, and a device whose power does not change.
-            finder.read(4.0 + (f64::from(second) * 12.9898).sin().fract(), 1.0);
-            assert_eq!(finder.delay(), 0, "second {second}");
-        }
-        let mut finder = DelayFinder::default();
-        (0..600).for_each(|_| {
-            finder.predict(3.0, 1.0);
-            finder.read(4.2, 1.0);
-        });
-        assert_eq!(finder.delay(), 0);
-        assert!(finder.energies().is_none());
-    }
-
-    #[test]
-    fn pauses_and_odd_frames_do_no_harm() {
-        let mut finder = after(100, 30, 1.4, 0.0);
-        finder.pause();
-        assert_eq!(finder.of_reading(1.0), None);
-        for seconds in [1e-9, 1e-3, 0.3, 7.0, 1e6] {
-            finder.predict(1e5, seconds);
-            finder.read(1e5, seconds);
-        }
-        assert!(finder.predicted.means.len() <= KEPT && finder.metered.means.len() <= KEPT);
-        assert!(finder.predicted.means.iter().all(|watts| watts.is_finite()));
+impl Default for PredictionHistory {
+    fn default() -> Self {
+        Self(VecDeque::with_capacity(PARTS + 1))
     }
 }
+
+impl PredictionHistory {
+    /// Adds `watts` over `seconds`, if the power is plausible, and the time finite and above 0; returns
+    /// whether they are.
+    pub(super) fn push(&mut self, watts: f64, seconds: f64) -> bool {
+        let is_time = seconds > 0.0 && seconds.is_finite();
+        if !((0.0..=MAX_WATTS).contains(&watts) && is_time) {
+            return false;
+        }
+        match self.0.back_mut() {
+            Some((mean, length)) if *length < PART_SECONDS => {
+                *mean = (*mean * *length + watts * seconds) / (*length + seconds);
+                *length += seconds;
+            }
+            _ => {
+                if self.0.len() == PARTS {
+                    self.0.pop_front();
+                }
+                self.0.push_back((watts, seconds));
+            }
+        }
+        true
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// The latest power, watts.
+    pub(super) fn last(&self) -> Option<f64> {
+        self.0.back().map(|(watts, _)| *watts)
+    }
+
+    /// Mean over the last `seconds`, and the range of values then and shortly before, both in
+    /// watts. `None` if a tenth of that time is unknown.
+    pub(super) fn mean(&self, seconds: f64) -> Option<(f64, f64)> {
+        let (mut sum, mut length, mut passed) = (0.0, 0.0, 0.0);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (watts, part) in self.0.iter().rev() {
+            if passed >= seconds + LAG_SECONDS {
+                break;
+            }
+            let inside = part.min(seconds - length).max(0.0);
+            (sum, length) = (sum + watts * inside, length + inside);
+            (low, high) = (low.min(*watts), high.max(*watts));
+            passed += part;
+        }
+        // A meter of long intervals is compared with what there is. What it measured while nothing was
+        // predicted belongs to something else.
+        let enough = length >= 0.9 * seconds.min(PARTS as f64 * PART_SECONDS);
+        (length > 0.0 && enough).then(|| (sum / length, high - low))
+    }
+}
+
+#[cfg(test)]
+#[path = "delay_tests.rs"]
+mod tests;

@@ -8,8 +8,6 @@
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
 #[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
-#[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 /// Measurements that the map's calibration counts for. Higher values keep its margin for longer;
 /// lower values follow the first measurements, which may be of an unusual view.
@@ -35,7 +33,7 @@ const MAX_RATIO: f64 = 8.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(
     feature = "bevy",
-    derive(bevy_ecs::component::Component, Reflect),
+    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
     reflect(Component, Default, Clone, Debug, PartialEq)
 )]
 pub struct ErrorFeedback {

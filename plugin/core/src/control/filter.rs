@@ -19,7 +19,7 @@
 use glam::Vec3;
 
 use super::TransitionTimes;
-use super::dwell::Dwell;
+use super::choose::Dwell;
 use crate::frontier::{CameraView, is_cut};
 use crate::knobs::{KnobLevels, KnobSpace};
 
@@ -156,7 +156,7 @@ impl SettingsFilter {
 
     /// Whether the view has moved since the target changed last.
     pub fn has_moved(&self) -> bool {
-        self.dwell.has_moved()
+        self.dwell.has_moved
     }
 
     /// Whether the next step continues from the applied settings: false after a [cut](Self::cut)

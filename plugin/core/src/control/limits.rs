@@ -48,43 +48,29 @@ pub fn resolve(budget: &Budget, observed: &Observed) -> Result<Limits, BudgetErr
     budget.validate()?;
     let part = 1.0 / observed.cameras.max(1) as f64;
     let in_app = |predicted: Watts| observed.correction.corrected(predicted) * part;
-    let limits = [
-        (Limit::Power, budget.power),
-        (
-            Limit::EnergyPerFrame,
-            budget
-                .energy_per_frame
-                .zip(observed.frames_per_second)
-                .map(|(energy, rate)| Watts(energy.0 * rate * part)),
-        ),
-        (
-            Limit::Battery,
-            budget.battery_until.zip(observed.battery).and_then(|(until, energy)| {
-                let left = until.as_secs_f64() - observed.now_seconds;
-                // Past the deadline there is no limit.
-                let watts = (left > 0.0).then(|| energy.per_seconds(left))?;
-                Some(match observed.battery_power {
-                    Some(exchange) => in_app(exchange.predicted(watts.0)),
-                    None => watts * part,
-                })
-            }),
-        ),
-        (
-            Limit::Headroom,
-            budget.headroom.zip(observed.headroom).zip(observed.range).and_then(
-                |((keep, headroom), (least, most))| {
-                    let share = headroom / keep;
-                    (share < 1.0).then(|| least + (most - least) * share)
-                },
-            ),
-        ),
-    ];
+    let energy = budget.energy_per_frame.zip(observed.frames_per_second);
+    let energy = energy.map(|(energy, rate)| Watts(energy.0 * rate * part));
+    let battery = budget.battery_until.zip(observed.battery).and_then(|(until, energy)| {
+        let left = until.as_secs_f64() - observed.now_seconds;
+        // Past the deadline there is no limit.
+        let watts = (left > 0.0).then(|| energy.per_seconds(left))?;
+        let predicted = observed.battery_power.map(|exchange| in_app(exchange.predicted(watts.0)));
+        Some(predicted.unwrap_or(watts * part))
+    });
+    let headroom = budget.headroom.zip(observed.headroom).zip(observed.range);
+    let headroom = headroom.and_then(|((keep, headroom), (least, most))| {
+        let share = headroom / keep;
+        (share < 1.0).then(|| least + (most - least) * share)
+    });
     // A frame that takes too long is late, whatever others take.
-    let time = budget
-        .frame_time
-        .zip(observed.frame_time)
-        .map(|(limit, exchange)| in_app(exchange.predicted(limit.as_secs_f64())));
-    let (power, power_by) = tightest(&limits);
+    let time = budget.frame_time.zip(observed.frame_time);
+    let time = time.map(|(limit, exchange)| in_app(exchange.predicted(limit.as_secs_f64())));
+    let (power, power_by) = tightest(&[
+        (Limit::Power, budget.power),
+        (Limit::EnergyPerFrame, energy),
+        (Limit::Battery, battery),
+        (Limit::Headroom, headroom),
+    ]);
     let (peak, peak_by) = tightest(&[(Limit::Peak, budget.peak), (Limit::FrameTime, time)]);
     let (error, horizon) = (budget.error, budget.horizon.as_secs_f64());
     Ok(Limits { power, error, power_by, peak, peak_by, horizon })

@@ -5,8 +5,8 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::choose;
-use crate::control::exchange::Exchange;
+use crate::control::choose::choose;
+use crate::control::observed::Exchange;
 use crate::control::rate::Rate;
 use crate::control::{Choice, Outcome};
 use crate::frontier::{CostPoint, Frontier};

@@ -3,35 +3,29 @@
 //!
 //! `budget` → `limits` (all as power and error) → `rate` (the exchange rate that spends them over
 //! the horizon) → `choose` (the least power + rate × error on a frontier; `select` where every
-//! frame keeps the limits) → `agree` (levels that several cameras share) → `dwell` and `filter`
-//! (the way there). `correction`, `frame_rate`, `exchange`, `observed` and `error_feedback` learn
-//! how predicted watts and errors translate into measured ones, into seconds and into battery
-//! energy. [`CameraController`] combines all for one camera.
+//! frame keeps the limits) → [`agree`](crate::frontier::SharedLevels::agree) (levels that several
+//! cameras share) → `filter` (the way there). `correction`, `frame_rate`, `observed` and
+//! `error_feedback` learn how predicted watts and errors translate into measured ones, into seconds
+//! and into battery energy. [`CameraController`] combines all for one camera.
 
-mod agree;
 mod bounds;
 mod budget;
 mod choose;
 mod controller;
 mod correction;
 mod delay;
-mod dwell;
 mod error_feedback;
-mod exchange;
 mod filter;
 mod frame_rate;
-mod history;
 mod limits;
 mod observed;
 mod rate;
 mod select;
 mod settings;
 
-pub use agree::*;
-pub use bounds::{BoundedFrontier, KnobBounds};
+pub use bounds::KnobBounds;
 pub use budget::{Budget, BudgetError, Limit};
-pub use choose::choose;
-pub use controller::{CameraController, Decisions, Inputs, Switch, Terms};
+pub use controller::{CameraController, Decisions, Inputs, Terms};
 pub use correction::{PowerCorrection, PowerModel};
 pub use error_feedback::ErrorFeedback;
 pub use filter::SettingsFilter;

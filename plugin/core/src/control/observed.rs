@@ -1,10 +1,10 @@
 //! Signals of the app and its device, for limits that are not in watts.
 //!
-//! The last value of a signal stands in for missing ones for some seconds, then the most cautious
-//! one.
+//! The map holds power only, so what a limit of another quantity allows is learnt while the app
+//! runs, by the recursion that corrects power: reading × scale = gain × predicted + offset. The last
+//! value of a signal stands in for missing ones for some seconds, then the most cautious one.
 
-use super::PowerCorrection;
-use super::exchange::{Exchange, ExchangeModel};
+use super::{PowerCorrection, PowerModel};
 use crate::units::{Joules, Watts};
 
 /// Shortest time over which the fall of the battery's energy is its power, seconds: drivers count
@@ -20,6 +20,85 @@ const MAX_DRAIN_RATIO: f64 = 3.0;
 const HOLD_SECONDS: f64 = 10.0;
 /// Longest part of a frame that counts towards it, seconds: after a sleep signals come anew.
 const MAX_MISSING_SECONDS: f64 = 0.25;
+
+/// From a map's watts, summed over all controlled cameras, to another quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exchange {
+    /// Scaled readings per predicted watt, and their offset.
+    pub correction: PowerCorrection,
+    /// Factor on readings: the first one's predicted watts.
+    pub scale: f64,
+}
+
+impl Exchange {
+    /// The predicted power at which the quantity is `limit`, in the map's watts; at least 0.
+    pub(super) fn predicted(&self, limit: f64) -> Watts {
+        self.correction.uncorrected(Watts(limit * self.scale))
+    }
+}
+
+/// Readings of shorter intervals are averaged, seconds: single frames are noisy.
+const INTERVAL_SECONDS: f64 = 0.25;
+
+/// The recursion for one quantity.
+#[derive(Clone, Debug, Default)]
+struct ExchangeModel {
+    model: PowerModel,
+    /// Factor on readings, so that gain and offset begin near those of power.
+    scale: Option<f64>,
+    /// Of the last frame; `None` where there was none.
+    predicted: Option<f64>,
+    /// Sum of readings times seconds, and seconds.
+    pending: (f64, f64),
+}
+
+impl ExchangeModel {
+    /// Adds a frame of `delta_seconds` with the predicted power of all cameras' settings, without
+    /// correction. Invalid numbers are ignored.
+    fn predict(&mut self, predicted: Watts, delta_seconds: f64) {
+        self.predicted = Some(predicted.0);
+        self.model.predict(predicted, delta_seconds);
+    }
+
+    /// Forgets predictions and readings on their way, for frames without a prediction.
+    fn pause(&mut self) {
+        (self.predicted, self.pending) = (None, (0.0, 0.0));
+        self.model.pause();
+    }
+
+    /// Adds a reading: the mean over the last `seconds`. Ignored unless both are finite and above
+    /// 0, and a power was predicted.
+    fn read(&mut self, value: f64, seconds: f64) {
+        let is_valid = |number: f64| number.is_finite() && number > 0.0;
+        let Some(predicted) = self.predicted else { return };
+        if !(is_valid(value) && is_valid(seconds)) {
+            return;
+        }
+        self.pending = (self.pending.0 + value * seconds, self.pending.1 + seconds);
+        let (sum, seconds) = self.pending;
+        // A rounding error must not delay a reading by a frame.
+        if seconds < INTERVAL_SECONDS - 1e-9 {
+            return;
+        }
+        self.pending = (0.0, 0.0);
+        let mean = sum / seconds;
+        let scale = *self.scale.get_or_insert_with(|| predicted.max(1e-3) / mean);
+        self.model.read(Watts(mean * scale), seconds);
+    }
+
+    /// The quantity at the last predicted power; `None` while one of them is unknown.
+    fn quantity(&self) -> Option<f64> {
+        let Exchange { correction, scale } = self.exchange()?;
+        Some(correction.corrected(Watts(self.predicted?)).0 / scale)
+    }
+
+    /// What was learnt; `None` before the first reading.
+    fn exchange(&self) -> Option<Exchange> {
+        let scale = self.scale.filter(|scale| scale.is_finite())?;
+        let correction = self.model.correction();
+        (self.model.readings() > 0).then_some(Exchange { correction, scale })
+    }
+}
 
 /// What is known of the app and its device when limits are resolved; `None` is unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,30 +149,24 @@ pub struct FrameSignals {
     pub headroom: Option<f64>,
 }
 
-/// A figure that stands in for missing ones.
-#[derive(Clone, Copy, Debug)]
-struct Held<T> {
-    latest: Option<T>,
+/// A headroom that stands in for missing ones.
+#[derive(Clone, Copy, Debug, Default)]
+struct Headroom {
+    latest: Option<f64>,
     missing_seconds: f64,
 }
 
-impl<T> Default for Held<T> {
-    fn default() -> Self {
-        Self { latest: None, missing_seconds: 0.0 }
-    }
-}
-
-impl<T: Copy> Held<T> {
-    /// Adds this frame's figure. Returns it, or the last one, or `conservative` once that is too
-    /// old; `None` if there never was one.
-    fn step(&mut self, figure: Option<T>, delta_seconds: f64, conservative: T) -> Option<T> {
+impl Headroom {
+    /// Adds this frame's figure. Returns it, or the last one, or 0 once that is too old; `None` if there
+    /// never was one.
+    fn step(&mut self, figure: Option<f64>, delta_seconds: f64) -> Option<f64> {
         match figure {
             Some(_) => (self.latest, self.missing_seconds) = (figure, 0.0),
             None => self.missing_seconds += delta_seconds.clamp(0.0, MAX_MISSING_SECONDS),
         }
         // Not `<=`, so that NaN counts as too old.
         let is_recent = self.missing_seconds < HOLD_SECONDS;
-        self.latest.map(|latest| if is_recent { latest } else { conservative })
+        self.latest.map(|latest| if is_recent { latest } else { 0.0 })
     }
 }
 
@@ -103,7 +176,7 @@ impl<T: Copy> Held<T> {
 pub struct SignalModel {
     frame_time: ExchangeModel,
     battery: Battery,
-    headroom: Held<f64>,
+    headroom: Headroom,
     observed: Observed,
 }
 
@@ -128,7 +201,7 @@ impl SignalModel {
             now_seconds: frame.now_seconds,
             battery,
             battery_power: self.battery.drain.exchange(),
-            headroom: self.headroom.step(frame.headroom, frame.delta_seconds, 0.0),
+            headroom: self.headroom.step(frame.headroom, frame.delta_seconds),
             ..Observed::default()
         };
     }

@@ -112,10 +112,12 @@ struct Window {
     room: f64,
 }
 
-/// How far a quantity is beyond its budget, now and at the ends of the horizon's parts.
+/// A limit of a mean, and how far a quantity is beyond it, now and at the ends of the horizon's parts.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Ledger {
-    /// Sum of (quantity − budget) × seconds.
+struct Account {
+    limit: f64,
+    horizon: f64,
+    /// Sum of (quantity − limit) × seconds.
     now: f64,
     /// The same at the ends of the last parts, the latest at `(count - 1) % PARTS`.
     past: Vec<f64>,
@@ -124,14 +126,19 @@ struct Ledger {
     since: f64,
 }
 
-impl Ledger {
+impl Account {
     fn clear(&mut self) {
         (self.now, self.since, self.count) = (0.0, 0.0, 1);
         self.past.clear();
         self.past.resize(PARTS, 0.0);
     }
 
-    fn add(&mut self, beyond: f64, seconds: f64, part: f64) {
+    /// Adds what was spent for `seconds`. Nothing where it or the limit is not finite.
+    fn add(&mut self, quantity: f64, seconds: f64) {
+        let (beyond, part) = (quantity - self.limit, self.horizon / PARTS as f64);
+        if !beyond.is_finite() || self.past.is_empty() || self.horizon < MIN_HORIZON {
+            return;
+        }
         self.now += beyond * seconds;
         self.since += seconds;
         // A rounding error must not delay an end by a frame.
@@ -144,8 +151,11 @@ impl Ledger {
         self.since = self.since.max(0.0);
     }
 
-    /// The windows that began with the budget or later.
-    fn windows(&self, part: f64, tolerance: f64) -> impl Iterator<Item = Window> + '_ {
+    /// The windows of the horizon that began with the budget or later, in which a share of the limit may
+    /// be exceeded.
+    fn windows(&self, tolerance: f64) -> impl Iterator<Item = Window> + '_ {
+        let (part, tolerance) =
+            (self.horizon / PARTS as f64, tolerance * self.limit * self.horizon);
         (1..=PARTS).filter_map(move |ahead| {
             let begun = (self.count - 1 + ahead).checked_sub(PARTS)?;
             let seconds = ahead as f64 * part - self.since;
@@ -153,22 +163,6 @@ impl Ledger {
             let begun = self.past[begun % PARTS].min(0.0);
             Some(Window { seconds: seconds.max(1e-6), room: begun + tolerance - self.now })
         })
-    }
-}
-
-/// A limit of a mean, and what has been spent of it.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Account {
-    ledger: Ledger,
-    limit: f64,
-    horizon: f64,
-}
-
-impl Account {
-    /// The windows of the horizon, in which a share of the limit may be exceeded.
-    fn windows(&self, tolerance: f64) -> impl Iterator<Item = Window> + '_ {
-        let part = self.horizon / PARTS as f64;
-        self.ledger.windows(part, tolerance * self.limit * self.horizon)
     }
 
     /// The most that may be spent for `hold` seconds, with `later` on average from then on, in every window.
@@ -249,28 +243,19 @@ impl RateTracker {
         let (old_power, old_error, old_horizon) = self.given;
         let is_other =
             differs(power, old_power) || differs(error, old_error) || horizon != old_horizon;
-        if is_other || self.power.ledger.past.is_empty() {
+        if is_other || self.power.past.is_empty() {
             self.given = (power, error, horizon);
-            self.power.ledger.clear();
-            self.error.ledger.clear();
+            self.power.clear();
+            self.error.clear();
         }
         is_other
     }
 
-    /// Adds what the last frame of `seconds` cost: of settings that were applied. Nothing where the cost
-    /// or the limit is not finite.
+    /// Adds what the last frame of `seconds` cost: of settings that were applied.
     pub fn spend(&mut self, cost: CostPoint, seconds: f64) {
         let seconds = if seconds > 0.0 { seconds.min(MAX_FRAME) } else { return };
-        for (account, quantity) in [(&mut self.power, cost.power.0), (&mut self.error, cost.error)]
-        {
-            let beyond = quantity - account.limit;
-            if beyond.is_finite()
-                && !account.ledger.past.is_empty()
-                && account.horizon >= MIN_HORIZON
-            {
-                account.ledger.add(beyond, seconds, account.horizon / PARTS as f64);
-            }
-        }
+        self.power.add(cost.power.0, seconds);
+        self.error.add(cost.error, seconds);
     }
 
     /// The rate for the next frame, `seconds` after the last, in a view of the costs `view`, under limits

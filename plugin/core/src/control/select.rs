@@ -3,9 +3,6 @@
 //! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an
 //! error), each one binary search.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
-
 use super::limits::Limits;
 use super::{Budget, Limit};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
@@ -13,7 +10,7 @@ use crate::knobs::KnobLevels;
 
 /// Whether the budget is met, and the fallback where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 pub enum Outcome {
     /// Every limit is met.
     Met,

@@ -5,8 +5,6 @@ use std::time::Duration;
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectResource;
 #[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
-#[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 
 use super::Budget;
@@ -18,7 +16,7 @@ use super::Budget;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(
     feature = "bevy",
-    derive(bevy_ecs::resource::Resource, Reflect),
+    derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect),
     reflect(Resource, Default, Clone, Debug, PartialEq)
 )]
 pub struct ControlSettings {
@@ -71,8 +69,7 @@ impl Default for ControlSettings {
 /// saves power, rising reduces error.
 ///
 /// Higher values change quality more gradually and take longer to end an excess over the budget.
-/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never. Default:
-/// [`ControlSettings::TRANSITION`](ControlSettings::TRANSITION) in both directions.
+/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransitionTimes {
     /// To a more expensive level. Lower values raise quality sooner and more visibly; higher values
@@ -97,12 +94,6 @@ impl TransitionTimes {
             Duration::MAX => 0.0,
             time => (delta_seconds / time.as_secs_f64()).min(1.0),
         }
-    }
-}
-
-impl Default for TransitionTimes {
-    fn default() -> Self {
-        Self::both(ControlSettings::TRANSITION)
     }
 }
 
@@ -131,6 +122,7 @@ mod tests {
             assert_eq!(settings.times(&budget), expected, "{budget:?}");
         }
         let default = ControlSettings::default();
-        assert_eq!(default.times(&Budget::default()), TransitionTimes::default());
+        let usual = TransitionTimes::both(ControlSettings::TRANSITION);
+        assert_eq!(default.times(&Budget::default()), usual);
     }
 }

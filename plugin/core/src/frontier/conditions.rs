@@ -1,16 +1,12 @@
 //! What a store's watts and errors refer to, and how well an app matches it.
 
 #[cfg(feature = "bevy")]
-use bevy_ecs::reflect::ReflectComponent;
-#[cfg(feature = "bevy")]
-use bevy_ecs::reflect::ReflectResource;
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
+use bevy_ecs::reflect::{ReflectComponent, ReflectResource};
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 use glam::{UVec2, Vec3};
 
-use super::{Bounds, CameraView, Capture, FrontierMap, SceneIdentity};
+use super::{Bounds, CameraView, Capture, SceneIdentity};
 use crate::power::MeterInfo;
 use crate::units::Watts;
 
@@ -29,25 +25,12 @@ pub struct Conditions<'a> {
     pub idle: Watts,
 }
 
-impl FrontierMap {
-    /// Conditions of this map's frontiers.
-    pub fn conditions(&self) -> Conditions<'_> {
-        Conditions {
-            scene: &self.scene,
-            capture: &self.capture,
-            meter: &self.meter,
-            bounds: &self.bounds,
-            idle: self.work_prices.idle,
-        }
-    }
-}
-
 /// The scene that the app shows, for the comparison with a camera's map. Optional: without it the
 /// scenes are not compared.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(
     feature = "bevy",
-    derive(bevy_ecs::resource::Resource, Reflect),
+    derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect),
     reflect(Resource, Default, Clone, Debug, PartialEq)
 )]
 pub struct ShownScene(pub SceneIdentity);
@@ -65,43 +48,20 @@ pub struct AppConditions<'a> {
     pub meter: Option<&'a MeterInfo>,
 }
 
-/// Result of a comparison.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
-pub enum Comparison {
-    /// One side is unknown.
-    #[default]
-    Unknown,
-    /// Equal.
-    Same,
-    /// Different.
-    Different,
-}
-
-impl Comparison {
-    fn of<T: PartialEq>(a: T, b: Option<T>) -> Self {
-        match b {
-            None => Self::Unknown,
-            Some(b) if a == b => Self::Same,
-            Some(_) => Self::Different,
-        }
-    }
-}
-
 /// How well a camera's map fits the app. Where it does not, predicted watts and errors are those of
 /// another image. Written by the controller, read-only for the app.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(
     feature = "bevy",
-    derive(bevy_ecs::component::Component, Reflect),
+    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
     reflect(Component, Default, Clone, Debug, PartialEq)
 )]
 pub struct MapFit {
-    /// Whether the map was made for the scene of [`ShownScene`].
-    pub scene: Comparison,
-    /// Whether the app's power is metered as the map's was. The watts of another meter may differ
-    /// by any factor.
-    pub meter: Comparison,
+    /// Whether the map was made for the scene of [`ShownScene`]; `None` while unknown.
+    pub scene: Option<bool>,
+    /// Whether the app's power is metered as the map's was; `None` while unknown. The watts of
+    /// another meter may differ by any factor.
+    pub meter: Option<bool>,
     /// Pixels of the app's image ÷ the map's; `None` while unknown.
     pub pixels: Option<f64>,
     /// Frame rate of the app ÷ the map's; `None` while unknown.
@@ -115,7 +75,7 @@ pub struct MapFit {
 
 /// A difference between a map and the app that shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 pub enum Misfit {
     /// Another scene, or an earlier state of it.
     Scene,
@@ -155,26 +115,31 @@ impl MapFit {
                 scene.fingerprint == conditions.scene.fingerprint
             }
         };
+        let is_same_meter = |info: &MeterInfo| {
+            let of_map = conditions.meter;
+            (&info.name, &info.provenance) == (&of_map.name, &of_map.provenance)
+        };
         let capture = conditions.capture;
+        let pixels = |size: UVec2| size.as_dvec2().element_product();
+        let [min, max] = [conditions.bounds.min, conditions.bounds.max].map(Vec3::from_array);
+        let at = view.position;
+        let outside = (min - at).max(at - max).max(Vec3::ZERO).length();
         let ratio = |app: f64, map: f64| Some(app / map).filter(|ratio| ratio.is_finite());
         Self {
-            scene: Comparison::of(true, app.scene.map(is_same_scene)),
-            meter: Comparison::of(
-                (&conditions.meter.name, &conditions.meter.provenance),
-                app.meter.map(|info| (&info.name, &info.provenance)),
-            ),
+            scene: app.scene.map(is_same_scene),
+            meter: app.meter.map(is_same_meter),
             // A minimised window has no pixels, and shows nothing that could differ.
-            pixels: app.size.filter(|size| size.x > 0 && size.y > 0).and_then(|size| {
-                let pixels = |width: u32, height: u32| f64::from(width) * f64::from(height);
-                ratio(pixels(size.x, size.y), pixels(capture.size[0], capture.size[1]))
-            }),
+            pixels: app
+                .size
+                .map(pixels)
+                .filter(|pixels| *pixels > 0.0)
+                .and_then(|of_app| ratio(of_app, pixels(UVec2::from_array(capture.size)))),
             frame_rate: app
                 .frames_per_second
                 .and_then(|rate| ratio(rate, capture.frames_per_second)),
             field_of_view: Some(f64::from(view.vertical_fov.to_degrees() - capture.vertical_fov))
                 .filter(|difference| difference.is_finite()),
-            outside: Some(distance_outside(conditions.bounds, view.position))
-                .filter(|distance| distance.is_finite()),
+            outside: Some(outside).filter(|it| it.is_finite() && at.is_finite()),
         }
     }
 
@@ -183,8 +148,8 @@ impl MapFit {
         let off =
             |ratio: Option<f64>| ratio.is_some_and(|ratio| (ratio - 1.0).abs() > Self::TOLERANCE);
         match misfit {
-            Misfit::Scene => self.scene == Comparison::Different,
-            Misfit::Meter => self.meter == Comparison::Different,
+            Misfit::Scene => self.scene == Some(false),
+            Misfit::Meter => self.meter == Some(false),
             Misfit::Size => off(self.pixels),
             Misfit::FrameRate => off(self.frame_rate),
             Misfit::FieldOfView => self
@@ -199,11 +164,6 @@ impl MapFit {
     /// Everything in which map and app are known to differ; empty where the map fits.
     pub fn misfits(&self) -> impl Iterator<Item = Misfit> + '_ {
         Misfit::ALL.into_iter().filter(|misfit| self.has(*misfit))
-    }
-
-    /// Whether nothing is known to differ.
-    pub fn is_good(&self) -> bool {
-        self.misfits().next().is_none()
     }
 
     /// The difference in words, with its remedy.
@@ -237,21 +197,18 @@ impl MapFit {
     }
 }
 
-fn distance_outside(bounds: &Bounds, position: Vec3) -> f32 {
-    let (min, max) = (Vec3::from_array(bounds.min), Vec3::from_array(bounds.max));
-    if !position.is_finite() {
-        return f32::NAN;
-    }
-    (min - position).max(position - max).max(Vec3::ZERO).length()
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Quat;
 
     use super::*;
+    use crate::frontier::{FrontierMap, FrontierStore};
     use crate::power::Provenance;
     use crate::testing;
+
+    fn conditions(map: &FrontierMap) -> Conditions<'_> {
+        map.conditions().expect("a map has them")
+    }
 
     fn view(position: Vec3) -> CameraView {
         let vertical_fov = 60.0_f32.to_radians();
@@ -261,13 +218,10 @@ mod tests {
     #[test]
     fn what_is_unknown_is_no_misfit() {
         let map = testing::map(1);
-        let fit = MapFit::of(&map.conditions(), &AppConditions::default(), &view(Vec3::ZERO));
-        assert!(fit.is_good(), "{fit:?}");
-        assert_eq!(
-            (fit.scene, fit.meter, fit.pixels),
-            (Comparison::Unknown, Comparison::Unknown, None)
-        );
-        assert!(MapFit::default().is_good());
+        let fit = MapFit::of(&conditions(&map), &AppConditions::default(), &view(Vec3::ZERO));
+        assert_eq!(fit.misfits().count(), 0, "{fit:?}");
+        assert_eq!((fit.scene, fit.meter, fit.pixels), (None, None, None));
+        assert_eq!(MapFit::default().misfits().count(), 0);
     }
 
     #[test]
@@ -279,8 +233,8 @@ mod tests {
             frames_per_second: Some(30.3),
             meter: Some(&map.meter),
         };
-        let fit = MapFit::of(&map.conditions(), &good, &view(Vec3::ZERO));
-        assert!(fit.is_good() && fit.scene == Comparison::Same, "{fit:?}");
+        let fit = MapFit::of(&conditions(&map), &good, &view(Vec3::ZERO));
+        assert!(fit.misfits().count() == 0 && fit.scene == Some(true), "{fit:?}");
         let other = MeterInfo { provenance: Provenance::Measured, ..map.meter.clone() };
         let scene = SceneIdentity { fingerprint: "ff".into(), ..map.scene.clone() };
         let bad = AppConditions {
@@ -290,7 +244,7 @@ mod tests {
             meter: Some(&other),
         };
         let wide = CameraView { vertical_fov: 1.5, ..view(Vec3::new(10.0, 0.0, 0.0)) };
-        let fit = MapFit::of(&map.conditions(), &bad, &wide);
+        let fit = MapFit::of(&conditions(&map), &bad, &wide);
         assert_eq!(fit.misfits().collect::<Vec<_>>(), Misfit::ALL);
         assert_eq!((fit.pixels, fit.outside), (Some(144.0), Some(6.0)));
         for misfit in Misfit::ALL {
@@ -302,13 +256,11 @@ mod tests {
     fn scenes_without_fingerprints_are_compared_by_name() {
         let map = testing::map(1);
         let named = |name: &str| SceneIdentity { name: name.into(), fingerprint: String::new() };
-        for (name, expected) in
-            [("courtyard", Comparison::Same), ("cornell", Comparison::Different)]
-        {
+        for (name, expected) in [("courtyard", true), ("cornell", false)] {
             let scene = named(name);
             let app = AppConditions { scene: Some(&scene), ..Default::default() };
-            let fit = MapFit::of(&map.conditions(), &app, &view(Vec3::ZERO));
-            assert_eq!(fit.scene, expected);
+            let fit = MapFit::of(&conditions(&map), &app, &view(Vec3::ZERO));
+            assert_eq!(fit.scene, Some(expected));
         }
     }
 
@@ -322,7 +274,7 @@ mod tests {
                 ..Default::default()
             };
             let view = CameraView { vertical_fov: f32::NAN, ..view(Vec3::splat(odd)) };
-            let fit = MapFit::of(&map.conditions(), &app, &view);
+            let fit = MapFit::of(&conditions(&map), &app, &view);
             assert_eq!(fit.misfits().collect::<Vec<_>>(), []);
         }
     }

@@ -161,8 +161,8 @@ impl Octree {
     /// # Errors
     /// The first fault found, in words.
     pub fn validate(&self) -> Result<(), String> {
-        if self.levels > Self::MAX_LEVELS {
-            let (levels, max) = (self.levels, Self::MAX_LEVELS);
+        let (levels, max) = (self.levels, Self::MAX_LEVELS);
+        if levels > max {
             return Err(format!("the octree has {levels} levels, where at most {max} are allowed"));
         }
         self.validate_corners()?;
@@ -207,17 +207,11 @@ impl Octree {
         while let Some((node, cube)) = open.pop() {
             let first = self.nodes[node as usize];
             if first == 0 {
-                let missing = (0..8)
-                    .map(|number| cube.corner(number))
-                    .find(|at| self.corner_index(*at).is_none());
-                match missing {
-                    Some(at) => {
-                        return Err(format!(
-                            "octree corner {at:?}, which a leaf needs, is missing"
-                        ));
-                    }
-                    None => continue,
+                let mut corners = (0..8).map(|number| cube.corner(number));
+                if let Some(at) = corners.find(|at| self.corner_index(*at).is_none()) {
+                    return Err(format!("octree corner {at:?}, which a leaf needs, is missing"));
                 }
+                continue;
             }
             if cube.size == 1 {
                 return Err(format!("octree node {node} has children below the last level"));

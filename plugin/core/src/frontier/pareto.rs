@@ -1,17 +1,22 @@
 //! Cost points, dominance, and the Pareto frontier of one camera with its look-ups by budget.
 //!
 //! Wang et al. 2016, equations 3.2 and 3.3, section 3.4.1.
+//!
+//! A file has a frontier as a list of `(settings, watts, error)`. Field names would make a map's file
+//! several times longer. Watts keep four significant digits and errors six decimals: both are finer
+//! than any meter or image metric that fills a map (Wang et al. 2016, section 3.7.1, quote ±5 % for
+//! theirs).
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
+use serde::de::{Deserializer, Error as _};
+use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 
-use crate::knobs::KnobLevels;
+use crate::knobs::{Knob, KnobLevels, KnobSpace};
 use crate::units::Watts;
 
 /// Power and error of settings at one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 pub struct CostPoint {
     /// Power at the target frame rate, in watts; finite and at least 0 in a valid map.
     pub power: Watts,
@@ -64,21 +69,15 @@ impl Frontier {
         // Among equal costs the smallest settings are kept, so that the result does not depend on
         // the input order.
         points.sort_by(|a, b| {
-            let cost = a
-                .cost
-                .power
-                .0
-                .total_cmp(&b.cost.power.0)
-                .then(a.cost.error.total_cmp(&b.cost.error));
+            let power = a.cost.power.0.total_cmp(&b.cost.power.0);
+            let cost = power.then(a.cost.error.total_cmp(&b.cost.error));
             cost.then(a.settings.cmp(&b.settings))
         });
         let mut least_error = f64::INFINITY;
         points.retain(|point| {
-            let better = point.cost.error < least_error;
-            if better {
-                least_error = point.cost.error;
-            }
-            better
+            let is_better = point.cost.error < least_error;
+            least_error = least_error.min(point.cost.error);
+            is_better
         });
         Self { points }
     }
@@ -144,85 +143,96 @@ impl Frontier {
         }
         area
     }
+
+    /// Power and error of any `settings` of `space`. Exact for a point of the frontier; else
+    /// interpolated, by the distance in levels, between the most expensive point with no higher level and
+    /// the cheapest with no lower level. `None` where the frontier is empty.
+    ///
+    /// Allocates nothing. Linear in points × knobs, so it is for settings in transition only.
+    pub fn estimate(&self, space: &KnobSpace, settings: KnobLevels) -> Option<CostPoint> {
+        let points = self.points();
+        if let Some(exact) = points.iter().find(|point| point.settings == settings) {
+            return Some(exact.cost);
+        }
+        let is_below = |low: KnobLevels, high: KnobLevels| {
+            (0..space.len()).all(|knob| low.level(knob) <= high.level(knob))
+        };
+        let below = |point: &&FrontierPoint| is_below(point.settings, settings);
+        let above = |point: &&FrontierPoint| is_below(settings, point.settings);
+        let low = points.iter().rev().find(below).or(points.first())?;
+        let high = points.iter().find(above).or(points.last())?;
+        let (from_low, to_high) =
+            (distance(space, low.settings, settings), distance(space, settings, high.settings));
+        let share = from_low / (from_low + to_high).max(f64::MIN_POSITIVE);
+        let power = low.cost.power + (high.cost.power - low.cost.power) * share;
+        let error = low.cost.error + (high.cost.error - low.cost.error) * share;
+        Some(CostPoint { power, error })
+    }
+
+    /// The frontier as stored in a file: watts rounded to four significant digits, errors to six
+    /// decimals. Points that rounding makes equal or dominated are dropped. Rounding is idempotent.
+    #[must_use]
+    pub fn rounded(&self) -> Self {
+        Self::from_points(self.points().iter().map(|point| {
+            // Formatting rounds correctly in decimal; multiplication and division by powers of ten
+            // do not. Both texts always parse.
+            let power = format!("{:.3e}", point.cost.power.0).parse().unwrap_or(point.cost.power.0);
+            let error: f64 = format!("{:.6}", point.cost.error).parse().unwrap_or(point.cost.error);
+            // Adding zero turns −0, which would print as such, into 0.
+            FrontierPoint { settings: point.settings, cost: CostPoint::new(power, error + 0.0) }
+        }))
+    }
+}
+
+/// Sum over the knobs of the distance as a share of the knob's levels.
+fn distance(space: &KnobSpace, a: KnobLevels, b: KnobLevels) -> f64 {
+    let of_knob = |(index, knob): (usize, &Knob)| {
+        let steps = knob.levels.len().saturating_sub(1).max(1);
+        a.level(index).abs_diff(b.level(index)) as f64 / steps as f64
+    };
+    space.knobs().iter().enumerate().map(of_knob).sum()
+}
+
+impl Serialize for Frontier {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let stored = |point: &FrontierPoint| (point.settings, point.cost.power, point.cost.error);
+        serializer.collect_seq(self.rounded().points().iter().map(stored))
+    }
+}
+
+impl<'de> Deserialize<'de> for Frontier {
+    /// Rejects points that are not finite, or not in order of increasing power and decreasing
+    /// error: this crate did not write such a file, and a silent repair would hide that.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let stored = Vec::<(KnobLevels, f64, f64)>::deserialize(deserializer)?;
+        let point = |(settings, power, error)| FrontierPoint {
+            settings,
+            cost: CostPoint::new(power, error),
+        };
+        let points: Vec<FrontierPoint> = stored.into_iter().map(point).collect();
+        if let Some(CostPoint { power, error }) =
+            points.iter().map(|it| it.cost).find(|cost| !cost.is_finite())
+        {
+            return Err(D::Error::custom(format_args!(
+                "a frontier point of {} W and error {error}: both must be finite",
+                power.0
+            )));
+        }
+        let falls = |two: &&[FrontierPoint]| {
+            two[0].cost.power >= two[1].cost.power || two[0].cost.error <= two[1].cost.error
+        };
+        if let Some(CostPoint { power, error }) =
+            points.windows(2).find(falls).map(|two| two[1].cost)
+        {
+            return Err(D::Error::custom(format_args!(
+                "a frontier point of {} W and error {error} is dominated by the one before, or out of order",
+                power.0
+            )));
+        }
+        Ok(Self::from_points(points))
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn point(bits: u128, power: f64, error: f64) -> FrontierPoint {
-        FrontierPoint { settings: KnobLevels::from_bits(bits), cost: CostPoint::new(power, error) }
-    }
-
-    fn staircase() -> Frontier {
-        Frontier::from_points([
-            point(0, 1.0, 0.5),
-            point(1, 2.0, 0.3),
-            point(2, 2.5, 0.3), // dominated
-            point(3, 4.0, 0.0),
-            point(4, f64::NAN, 0.0),
-            point(5, 3.0, f64::NAN),
-            point(6, f64::INFINITY, 0.0),
-        ])
-    }
-
-    #[test]
-    fn dominated_and_non_finite_points_are_dropped() {
-        let kept: Vec<_> = staircase().points().iter().map(|p| p.settings.bits()).collect();
-        assert_eq!(kept, [0, 1, 3]);
-    }
-
-    #[test]
-    fn both_searches_take_the_best_within_the_budget() {
-        let frontier = staircase();
-        let by_power = |watts| frontier.least_error_within(Watts(watts)).map(|p| p.settings.bits());
-        assert_eq!(
-            [0.0, 0.999, 1.0, 3.9, 4.0, f64::INFINITY].map(by_power),
-            [None, None, Some(0), Some(1), Some(3), Some(3)]
-        );
-        assert_eq!([f64::NAN, f64::NEG_INFINITY, -1.0].map(by_power), [None; 3]);
-        let by_error = |error| frontier.least_power_within(error).map(|p| p.settings.bits());
-        assert_eq!(
-            [0.0, 0.29, 0.3, 0.5, f64::INFINITY].map(by_error),
-            [Some(3), Some(3), Some(1), Some(0), Some(0)]
-        );
-        assert_eq!([f64::NAN, f64::NEG_INFINITY, -1.0].map(by_error), [None; 3]);
-        assert_eq!(Frontier::default().least_error_within(Watts(1.0)), None);
-        assert_eq!(Frontier::default().least_power_within(1.0), None);
-    }
-
-    #[test]
-    fn a_rate_selects_the_least_sum() {
-        let frontier = staircase();
-        let at = |rate| frontier.least_sum(rate).map(|p| p.settings.bits());
-        // A watt buys 0.2 of error, and then 0.15.
-        assert_eq!(
-            [0.0, 4.9, 5.1, 6.6, 6.7, f64::INFINITY].map(at),
-            [Some(0), Some(0), Some(1), Some(1), Some(3), Some(3)]
-        );
-        assert_eq!(
-            (at(f64::NAN), at(-1.0), Frontier::default().least_sum(1.0)),
-            (None, Some(0), None)
-        );
-    }
-
-    #[test]
-    fn hypervolume_of_a_staircase_is_the_area_of_its_steps() {
-        // (5 - 1) * 0.5 + (5 - 2) * 0.2 + (5 - 4) * 0.3 with the reference at (5, 1).
-        let area = staircase().hypervolume(CostPoint::new(5.0, 1.0));
-        assert!((area - (4.0 * 0.5 + 3.0 * 0.2 + 1.0 * 0.3)).abs() < 1e-12, "{area}");
-        // Points outside the reference do not count.
-        let area = staircase().hypervolume(CostPoint::new(3.0, 0.4));
-        assert!((area - (3.0 - 2.0) * 0.1).abs() < 1e-12, "{area}");
-    }
-
-    #[test]
-    fn dominance_is_strict_and_ignores_nan() {
-        let a = CostPoint::new(1.0, 0.1);
-        assert!(!a.dominates(a));
-        assert!(a.dominates(CostPoint::new(1.0, 0.2)));
-        assert!(a.dominates(CostPoint::new(2.0, 0.1)));
-        assert!(!a.dominates(CostPoint::new(0.5, 0.2)));
-        assert!(!CostPoint::new(f64::NAN, 0.0).dominates(a));
-    }
-}
+#[path = "pareto_tests.rs"]
+mod tests;

@@ -27,14 +27,16 @@ impl SharedKnobs {
     /// Whether every knob is one of `space`, with one finite energy of at least 0 for each
     /// combination of levels.
     pub fn is_sound(&self, space: &KnobSpace) -> bool {
-        let levels = |name: &String| Some(space.knobs()[space.index_of(name)?].levels.len());
-        let combinations = self.names.iter().map(levels).product::<Option<usize>>();
         let is_empty = self.names.is_empty() && self.joules.is_empty();
-        self.names.len() <= Self::MOST
-            && (is_empty || combinations == Some(self.joules.len()))
+        (is_empty || SharedLevels::new(self, space, 0.0).is_some())
             && self.joules.iter().all(|joules| joules.is_finite() && *joules >= 0.0)
     }
 }
+
+/// Most combinations of levels that are all tried.
+const MOST_TRIED: usize = 32;
+/// Most cameras for which they are.
+const MOST_CAMERAS: usize = 8;
 
 /// [`SharedKnobs`] in a knob space, at a frame rate.
 #[derive(Clone, Copy, Debug)]
@@ -47,8 +49,8 @@ pub struct SharedLevels<'a> {
 }
 
 impl<'a> SharedLevels<'a> {
-    /// The shared knobs of `space`; `None` where there are none, or they are not
-    /// [sound](SharedKnobs::is_sound).
+    /// The shared knobs of `space`; `None` where there are none or too many, one is not of the space, or
+    /// there is not one energy for each combination of levels.
     pub fn new(shared: &'a SharedKnobs, space: &KnobSpace, frames_per_second: f64) -> Option<Self> {
         let (count, mut knobs) = (shared.names.len(), [(0, 1); SharedKnobs::MOST]);
         if !(1..=SharedKnobs::MOST).contains(&count) {
@@ -98,66 +100,66 @@ impl<'a> SharedLevels<'a> {
     pub fn exceeds(&self, settings: KnobLevels, at: KnobLevels) -> bool {
         self.knobs().any(|knob| settings.level(knob) > at.level(knob))
     }
+
+    /// The levels of shared knobs, none above `wanted`, at which the sum that `cost` gives is least. It is
+    /// `None` for levels at which a camera has no settings. `alone`: the sum of what the cameras choose alone,
+    /// below which none can be.
+    ///
+    /// The highest level that a camera asks for holds for all, and all pay for it. One camera that asks
+    /// for fine shadows could so take the others' power. Unless all cameras get what they would choose
+    /// alone, lower levels are tried, too: all combinations for a few cameras, one step down at a time
+    /// for more.
+    pub fn agree(
+        &self,
+        wanted: KnobLevels,
+        cameras: usize,
+        alone: f64,
+        mut cost: impl FnMut(KnobLevels) -> Option<f64>,
+    ) -> KnobLevels {
+        let first = cost(wanted);
+        if first.is_some_and(|sum| sum <= alone * (1.0 + 1e-9)) {
+            return wanted;
+        }
+        let mut best = (first, wanted);
+        let better = |new: Option<f64>, old: Option<f64>| match (new, old) {
+            (Some(new), Some(old)) => new < old,
+            (Some(_), None) => true,
+            (None, _) => false,
+        };
+        let combinations: usize = self.knobs().map(|knob| wanted.level(knob) + 1).product();
+        if combinations <= MOST_TRIED && cameras <= MOST_CAMERAS {
+            for number in 1..combinations {
+                let mut rest = number;
+                let levels = self.knobs().fold(wanted, |levels, knob| {
+                    let count = wanted.level(knob) + 1;
+                    let lowered = wanted.level(knob) - rest % count;
+                    rest /= count;
+                    levels.with_level(knob, lowered)
+                });
+                let sum = cost(levels);
+                if better(sum, best.0) {
+                    best = (sum, levels);
+                }
+            }
+        } else {
+            loop {
+                let from = best.1;
+                for knob in self.knobs().filter(|knob| from.level(*knob) > 0) {
+                    let levels = from.with_level(knob, from.level(knob) - 1);
+                    let sum = cost(levels);
+                    if better(sum, best.0) {
+                        best = (sum, levels);
+                    }
+                }
+                if best.1 == from {
+                    break;
+                }
+            }
+        }
+        best.1
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::knobs::Knob;
-
-    fn space() -> KnobSpace {
-        let knobs = ["rays", "shadows", "cascades"].map(|name| Knob::new(name, [0.0, 1.0, 2.0]));
-        KnobSpace::new(knobs.into()).expect("a space")
-    }
-
-    /// Shadows of 0, 1 and 4 J times one to three cascades, less the lowest.
-    fn shared() -> SharedKnobs {
-        let joules = [0.0, 1.0, 4.0].map(|area| [1.0, 2.0, 3.0].map(|count| area * count));
-        SharedKnobs {
-            names: vec!["shadows".into(), "cascades".into()],
-            joules: joules.into_iter().flatten().collect(),
-        }
-    }
-
-    fn at(rays: usize, shadows: usize, cascades: usize) -> KnobLevels {
-        KnobLevels::default().with_level(0, rays).with_level(1, shadows).with_level(2, cascades)
-    }
-
-    #[test]
-    fn a_camera_pays_for_what_others_ask_for_and_it_does_not() {
-        let (space, shared) = (space(), shared());
-        assert!(shared.is_sound(&space));
-        let levels = SharedLevels::new(&shared, &space, 10.0).expect("shared knobs");
-        assert_eq!(levels.charge(at(2, 0, 0), at(0, 2, 1)), Watts(80.0));
-        assert_eq!(levels.charge(at(2, 2, 0), at(0, 2, 1)), Watts(40.0));
-        assert_eq!(levels.charge(at(0, 2, 2), at(2, 1, 1)), Watts(0.0), "its own are higher");
-        assert_eq!(levels.highest(at(2, 1, 0), at(1, 0, 2)), at(0, 1, 2));
-        assert!(
-            levels.exceeds(at(0, 1, 0), at(2, 0, 2)) && !levels.exceeds(at(2, 0, 0), at(0, 0, 0))
-        );
-        // Levels that the space lacks are no danger.
-        assert!(levels.charge(KnobLevels::default(), KnobLevels::from_bits(u128::MAX)).0 > 0.0);
-    }
-
-    #[test]
-    fn faulty_shared_knobs_are_none() {
-        let space = space();
-        let faults: [fn(&mut SharedKnobs); 5] = [
-            |it| it.names[0] = "unknown".into(),
-            |it| it.names = vec!["shadows".into(); 5],
-            |it| it.joules.truncate(8),
-            |it| it.joules[3] = f64::NAN,
-            |it| it.joules[3] = -1.0,
-        ];
-        for (number, fault) in faults.into_iter().enumerate() {
-            let mut faulty = shared();
-            fault(&mut faulty);
-            assert!(!faulty.is_sound(&space), "fault {number}");
-            if number < 3 {
-                assert!(SharedLevels::new(&faulty, &space, 10.0).is_none(), "fault {number}");
-            }
-        }
-        assert!(SharedKnobs::default().is_sound(&space));
-        assert!(SharedLevels::new(&SharedKnobs::default(), &space, 10.0).is_none());
-    }
-}
+#[path = "shared_knobs_tests.rs"]
+mod tests;

@@ -1,7 +1,5 @@
 //! Look-up of the frontier for a run-time camera.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 use glam::Vec3;
 
 use super::view_cube::directions_by_coverage;
@@ -85,7 +83,7 @@ fn position_in(bounds: &Bounds, lattice: f32, leaf: Leaf, view: &CameraView) -> 
 
 /// A camera with a known frontier.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 pub struct SampleCamera {
     /// Index of the position in its store: for a [`FrontierMap`], the index of the octree corner.
     pub corner: u32,
@@ -124,7 +122,13 @@ impl FrontierStore for FrontierMap {
     }
 
     fn conditions(&self) -> Option<Conditions<'_>> {
-        Some(self.conditions())
+        Some(Conditions {
+            scene: &self.scene,
+            capture: &self.capture,
+            meter: &self.meter,
+            bounds: &self.bounds,
+            idle: self.work_prices.idle,
+        })
     }
 
     fn shared_levels(&self) -> Option<SharedLevels<'_>> {

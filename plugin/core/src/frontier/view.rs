@@ -1,13 +1,11 @@
 //! The six axis-aligned view directions of a sample camera, and a run-time camera's view.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// View direction of a sample camera. Arrays with one entry per direction use this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 pub enum ViewDirection {
     /// Along +X.
     PositiveX,

@@ -2,20 +2,15 @@
 //!
 //! Independent of the renderer: a driver of the plugin applies a level to a camera.
 
-#[cfg(feature = "bevy")]
-use bevy_reflect::Reflect;
 mod enumerate;
-mod error;
-mod text;
 
 use serde::{Deserialize, Serialize};
 
 use super::{Knob, KnobLevels};
-pub use error::{KnobSpaceError, did_you_mean};
 
 /// An ordered set of knobs, in the order in which [`KnobLevels`] packs their levels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
 #[serde(try_from = "Vec<Knob>", into = "Vec<Knob>")]
 pub struct KnobSpace {
     knobs: Vec<Knob>,
@@ -124,18 +119,57 @@ impl KnobSpace {
         &self,
         names: impl IntoIterator<Item = &'a str>,
     ) -> Result<Self, KnobSpaceError> {
-        let mut chosen = vec![false; self.len()];
-        for name in names {
-            chosen[self.index_of(name).ok_or_else(|| self.unknown(name))?] = true;
+        let names: Vec<&str> = names.into_iter().collect();
+        if let Some(unknown) = names.iter().find(|name| self.index_of(name).is_none()) {
+            return Err(self.unknown(unknown));
         }
-        let knobs = self
-            .knobs
-            .iter()
-            .zip(chosen)
-            .filter(|(_, chosen)| *chosen)
-            .map(|(knob, _)| knob.clone())
-            .collect();
+        let is_named = |knob: &&Knob| names.contains(&knob.name.as_str());
+        let knobs = self.knobs.iter().filter(is_named).cloned().collect();
         Ok(Self { knobs })
+    }
+
+    /// Parses `max`, `min` and `knob=level` pairs, separated by commas and applied in order,
+    /// starting from the best settings. A level is given by its label.
+    ///
+    /// # Errors
+    /// [`KnobSpaceError`] when the text is of another form, or names an unknown knob or level.
+    pub fn parse(&self, text: &str) -> Result<KnobLevels, KnobSpaceError> {
+        let mut settings = self.highest();
+        for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
+            match part {
+                "max" => settings = self.highest(),
+                "min" => settings = self.lowest(),
+                _ => {
+                    let (name, label) = part
+                        .split_once('=')
+                        .ok_or_else(|| KnobSpaceError::NotAnAssignment(part.to_owned()))?;
+                    let (name, label) = (name.trim(), label.trim());
+                    let index = self.index_of(name).ok_or_else(|| self.unknown(name))?;
+                    let levels = &self.knobs[index].levels;
+                    let level =
+                        levels.iter().position(|level| level.label == label).ok_or_else(|| {
+                            KnobSpaceError::UnknownLevel {
+                                knob: name.to_owned(),
+                                level: label.to_owned(),
+                                known: join(levels.iter().map(|level| level.label.as_str())),
+                            }
+                        })?;
+                    settings = settings.with_level(index, level);
+                }
+            }
+        }
+        Ok(settings)
+    }
+
+    /// The settings as `knob=level` pairs separated by commas, as [`parse`](Self::parse) reads
+    /// them; `?` for a level that the knob lacks.
+    pub fn describe(&self, settings: KnobLevels) -> String {
+        let pair = |(index, knob): (usize, &Knob)| {
+            let label =
+                knob.levels.get(settings.level(index)).map_or("?", |level| level.label.as_str());
+            format!("{}={label}", knob.name)
+        };
+        self.knobs.iter().enumerate().map(pair).collect::<Vec<_>>().join(",")
     }
 
     fn unknown(&self, name: &str) -> KnobSpaceError {
@@ -153,43 +187,57 @@ fn join<'a>(names: impl Iterator<Item = &'a str>) -> String {
     names.collect::<Vec<_>>().join(SEPARATOR)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Three knobs; the resolution of maps needs VPLs.
-    pub(super) fn space() -> KnobSpace {
-        KnobSpace::new(vec![
-            Knob::new("gi_vpl_count", [0.0, 32.0, 64.0]),
-            Knob::new("rsm_resolution", [64.0, 128.0]).needing("gi_vpl_count", 1),
-            Knob::labelled("antialiasing", [(0.0, "off"), (1.0, "FXAA")]),
-        ])
-        .expect("a valid space")
-    }
-
-    #[test]
-    fn presets_accept_any_share() {
-        let space = space();
-        for share in [f64::NAN, f64::NEG_INFINITY, -1.0, 0.0, 0.5, 1.0, 2.0, f64::INFINITY] {
-            assert!(space.contains(space.preset(share)));
-        }
-        assert_eq!(space.preset(f64::NAN), space.lowest());
-        assert_eq!(space.preset(f64::INFINITY), space.highest());
-    }
-
-    #[test]
-    fn invalid_spaces_are_rejected() {
-        let twice = vec![Knob::new("a", [1.0]), Knob::new("a", [1.0])];
-        assert_eq!(KnobSpace::new(twice), Err(KnobSpaceError::Duplicate("a".into())));
-        assert_eq!(
-            KnobSpace::new(vec![Knob::new("a", [])]),
-            Err(KnobSpaceError::BadLevels("a".into()))
-        );
-        assert_eq!(
-            KnobSpace::new(vec![Knob::new("a", [f64::NAN])]),
-            Err(KnobSpaceError::BadLevels("a".into()))
-        );
-        let many = (0..33).map(|i| Knob::new(&format!("k{i}"), [0.0])).collect();
-        assert_eq!(KnobSpace::new(many), Err(KnobSpaceError::TooManyKnobs(33)));
-    }
+/// Why a list of knobs is not a valid space, or a text not valid settings.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum KnobSpaceError {
+    /// More knobs than [`KnobLevels`] can pack.
+    #[error("{0} knobs, but settings pack at most {max}: leave some out", max = KnobLevels::MAX_KNOBS)]
+    TooManyKnobs(usize),
+    /// No level, too many levels, or a value that is not finite.
+    #[error("knob `{0}` must have 1 to {max} levels with finite values", max = KnobLevels::MAX_LEVELS)]
+    BadLevels(String),
+    /// Two knobs with the same name.
+    #[error("knob `{0}` appears twice")]
+    Duplicate(String),
+    /// A name that is not a knob of the space.
+    #[error("unknown knob `{name}`: {}the knobs here are {known}", did_you_mean(name, known.split(SEPARATOR)))]
+    Unknown {
+        /// The name as given.
+        name: String,
+        /// The valid names, separated by commas.
+        known: String,
+    },
+    /// A label that is not a level of the knob.
+    #[error("knob `{knob}` has no level `{level}`: {}its levels are {known}", did_you_mean(level, known.split(SEPARATOR)))]
+    UnknownLevel {
+        /// The knob.
+        knob: String,
+        /// The level as given.
+        level: String,
+        /// The valid names, separated by commas.
+        known: String,
+    },
+    /// Text other than `knob=level`, `max` or `min`.
+    #[error("`{0}` is not of the form knob=level, nor one of `max` and `min`")]
+    NotAnAssignment(String),
 }
+
+/// "did you mean `X`? " with the name of `known` that is nearest to `name`; empty where none is near.
+///
+/// Near is an edit distance (Damerau and Levenshtein, restricted) of at most a third of the letters,
+/// regardless of case. A fixed distance would suggest any short name for any other.
+pub fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let lower = name.to_lowercase();
+    let near = known.into_iter().filter_map(|known| {
+        let longer = name.chars().count().max(known.chars().count());
+        let distance = strsim::osa_distance(&lower, &known.to_lowercase());
+        (distance <= longer / 3).then_some((distance, known))
+    });
+    // The first of equally near ones.
+    let nearest = near.min_by_key(|(distance, _)| *distance);
+    nearest.map(|(_, known)| format!("did you mean `{known}`? ")).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests;
