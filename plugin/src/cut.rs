@@ -1,13 +1,8 @@
 //! Frames that do not continue the one before: camera cuts, and shifts of the whole world.
 
-use bevy::app::{App, Last, Plugin};
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet};
-use bevy::ecs::prelude::*;
-use bevy::math::Vec3;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
+use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResource;
-use bevy::time::{Real, Time};
 pub(crate) use frugal_core::frontier::{CUT_DISTANCE, is_cut};
 
 /// Marks a camera whose next frame shows another place: a teleport, another scene. GI drops its

@@ -2,12 +2,8 @@
 
 use std::time::Duration;
 
-use bevy::app::{App, Last, Plugin};
-use bevy::ecs::prelude::*;
-use bevy::ecs::reflect::ReflectResource;
 use bevy::platform::time::Instant;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
+use bevy::prelude::*;
 
 /// Maximum frame rate. Lower values save power in proportion and make motion less smooth.
 ///

@@ -1,11 +1,12 @@
 //! One power limit for all cameras, divided among them, and the levels that they share.
 
 use bevy::log::warn_once;
-use frugal_core::control::{Curve, RateTracker, agree};
+use frugal_core::control::{Curve, RateTracker};
 use smallvec::SmallVec;
 
+use super::camera::Common;
 use super::frame::{Agreement, Frame, same_space};
-use super::{AppBudget, Budget, Limit, Outcome, PowerCorrection, PowerFeedback};
+use super::{AppBudget, Budget, Limit, Outcome, PowerCorrection};
 use crate::frontier::{CostPoint, FrontierPoint};
 use crate::knobs::KnobLevels;
 use crate::units::Watts;
@@ -27,17 +28,6 @@ const LARGE_RATE: f64 = 1e9;
 /// Halvings of a range of rates.
 const HALVINGS: usize = 40;
 
-/// What an app's budget is divided by.
-pub(super) struct Division<'a> {
-    pub(super) app_budget: &'a AppBudget,
-    pub(super) feedback: &'a PowerFeedback,
-    /// Steers the rate of all cameras together.
-    pub(super) rates: &'a mut RateTracker,
-    /// How long settings are held, seconds.
-    pub(super) hold: f64,
-    pub(super) delta_seconds: f64,
-}
-
 /// One exchange rate for all cameras, and what they may take together.
 #[derive(Clone, Copy)]
 struct Together {
@@ -45,10 +35,11 @@ struct Together {
     most: f64,
 }
 
-impl Division<'_> {
+impl Common<'_> {
     /// Gives all cameras the exchange rate at which they keep the app's budget, each within its own, and
-    /// agrees on the levels of the knobs that they share. Changes their choices.
-    pub(super) fn divide(&mut self, frames: &mut [Frame<'_>]) {
+    /// agrees on the levels of the knobs that they share. Changes their choices. `rates` steers the rate of
+    /// all cameras together.
+    pub(super) fn divide(&self, rates: &mut RateTracker, frames: &mut [Frame<'_>]) {
         let app_limit = self.app_budget.limit();
         // The cameras of the first one's knob space share levels, if there are several cameras.
         let wanted = if frames.len() > 1 { wanted(frames) } else { None };
@@ -61,7 +52,7 @@ impl Division<'_> {
             frame.weight = if mean > 0.0 { frame.weight / mean } else { 1.0 };
         }
         let together = match app_limit {
-            Some(limit) => self.together(limit, frames),
+            Some(limit) => self.together(limit, rates, frames),
             None => Together { watts_per_error: f64::INFINITY, most: f64::INFINITY },
         };
         if let Some((first, Agreement { shared, levels })) = wanted {
@@ -81,7 +72,7 @@ impl Division<'_> {
             };
             let alone: SmallVec<[Point; 4]> =
                 frames.iter().map(|frame| (frame.choice.settings, frame.choice.cost)).collect();
-            let levels = agree(&shared, levels, frames.len(), sum(&alone, true), |levels| {
+            let levels = shared.agree(levels, frames.len(), sum(&alone, true), |levels| {
                 let agreed = |frame: &Frame<'_>| agreement(frame, levels);
                 let (chosen, is_kept, _) = choose_together(frames, together, &agreed)?;
                 Some(sum(&chosen, is_kept))
@@ -109,19 +100,20 @@ impl Division<'_> {
     }
 
     /// The rate for the app's `limit`.
-    fn together(&mut self, limit: Watts, frames: &[Frame<'_>]) -> Together {
+    fn together(&self, limit: Watts, rates: &mut RateTracker, frames: &[Frame<'_>]) -> Together {
         // Every frontier includes the device's idle power; a meter's offset takes that into account.
         let is_metered = self.feedback.correction != PowerCorrection::default();
         let counted_again = if is_metered { 0.0 } else { frames.len() as f64 - 1.0 };
-        let idle = frames.last().and_then(|frame| frame.store.conditions()).map(|it| it.idle);
+        let idle = frames.last().and_then(|frame| frame.terms.store.conditions()).map(|it| it.idle);
         let stored = self.feedback.mean_correction.uncorrected(limit)
             + idle.unwrap_or(Watts(0.0)) * counted_again;
         let mut sum = Curve::default();
         for frame in frames {
             sum.add(&Curve::of(&frame.frontier, frame.weight));
         }
-        self.rates.begin(Some(limit.0), None, Budget::HORIZON.as_secs_f64());
-        let rate = self.rates.rate(&sum, Some(stored.0), None, self.hold, self.delta_seconds);
+        rates.begin(Some(limit.0), None, Budget::HORIZON.as_secs_f64());
+        let hold = self.settings.dwell.as_secs_f64();
+        let rate = rates.rate(&sum, Some(stored.0), None, hold, self.time.delta_secs_f64());
         // In still views what could stay, as for a camera's own budget.
         if frames.iter().any(|frame| frame.has_moved) {
             Together { watts_per_error: rate.watts_per_error, most: rate.most.power.0 }
@@ -235,8 +227,8 @@ fn raise<'a>(
 /// The highest level of each shared knob that a camera asks for, with the number of the first camera
 /// that shares knobs. `None` where none does.
 fn wanted<'a>(frames: &[Frame<'a>]) -> Option<(usize, Agreement<'a>)> {
-    let first = frames.iter().position(|frame| frame.store.shared_levels().is_some())?;
-    let shared = frames[first].store.shared_levels()?;
+    let first = frames.iter().position(|frame| frame.terms.store.shared_levels().is_some())?;
+    let shared = frames[first].terms.store.shared_levels()?;
     let same = frames.iter().filter(|frame| same_space(&frames[first].space, &frame.space));
     let levels = same
         .fold(KnobLevels::default(), |levels, frame| shared.highest(levels, frame.choice.settings));
@@ -251,7 +243,7 @@ fn take(
     is_kept: bool,
     correction: PowerCorrection,
 ) {
-    let (choice, limits) = (&mut frame.choice, &mut frame.limits);
+    let (choice, limits) = (&mut frame.choice, &mut frame.terms.limits);
     let is_other = settings != choice.settings;
     if has_app_limit && (is_other || !is_kept) {
         choice.binding = Some(Limit::AppBudget);
@@ -272,15 +264,15 @@ fn take(
 
 #[cfg(test)]
 mod tests {
+    use std::borrow::Cow;
     use std::sync::Arc;
 
-    use frugal_core::control::Limits;
+    use frugal_core::control::{Limits, Terms};
     use frugal_core::testing;
 
     use super::*;
-    use crate::control::frame::FrontierInUse;
-    use crate::control::{Budget, select};
-    use crate::frontier::{Frontier, FrontierStore};
+    use crate::control::{Budget, ControlSettings, ErrorFeedback, select};
+    use crate::frontier::{Frontier, FrontierStore, SampleRef};
 
     /// Numbers from 0 to 1, the same in every run (xorshift, Marsaglia 2003).
     struct Random(u64);
@@ -319,6 +311,17 @@ mod tests {
     #[test]
     fn one_rate_is_near_the_best_division() {
         let (map, mut random) = (testing::map(0), Random(0x9e37_79b9_7f4a_7c15));
+        let found = map.look_up(&testing::view()).expect("a frontier");
+        let terms = Terms {
+            store: &map,
+            limits: Limits::default(),
+            current: None,
+            correction: PowerCorrection::default(),
+            mean_correction: PowerCorrection::default(),
+            errors: ErrorFeedback::default(),
+            settings: &ControlSettings::default(),
+            delta_seconds: 0.0,
+        };
         for (cameras, points, sets, most_above) in
             [(2, 12, 300, 0.06), (3, 12, 300, 0.05), (8, 5, 20, 0.03)]
         {
@@ -331,12 +334,10 @@ mod tests {
                     .map(|frontier| Frame {
                         weight: 1.0,
                         has_moved: false,
-                        store: &map,
+                        terms,
                         space: Arc::new(map.knobs.clone()),
-                        sample: map.look_up(&testing::view()).expect("a frontier").camera,
-                        whole: frontier,
-                        frontier: FrontierInUse::Whole(frontier),
-                        limits: Limits::default(),
+                        found: SampleRef { frontier, ..found },
+                        frontier: Cow::Borrowed(frontier),
                         choice: select(frontier, &Budget::default()).expect("the best"),
                         most: Watts(f64::INFINITY),
                         agreed: None,

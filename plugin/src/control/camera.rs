@@ -1,33 +1,29 @@
 //! One system for every camera's frame: look up, choose, divide, switch, write.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use bevy::asset::{AssetServer, Assets};
-use bevy::camera::Camera;
-use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
-use bevy::log::warn;
-use bevy::time::{Real, Time};
+use bevy::prelude::*;
 use frugal_core::control::{
-    FrameKind, FrameRate, Observed, RateTracker, RatedAt, SignalModel, Switch, Terms, resolve,
+    FrameKind, FrameRate, Observed, RateTracker, RatedAt, SignalModel, Terms, resolve,
 };
 use smallvec::SmallVec;
 
-use super::app_budget::Division;
 use super::components::CameraState;
-use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space, weight_of};
+use super::events::{write_selection, write_settings};
+use super::frame::{Controlled, ControlledItem, Frame, same_space, weight_of};
 use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
 use super::power_feedback::FeedbackState;
-use super::write::{write_selection, write_settings};
 use super::{
     AppBudget, ControlSettings, ControlStatus, ErrorFeedback, FrontierSource, Limit, OffReason,
     PowerController, PowerFeedback, Selection, SettingsFilter,
 };
 use crate::frontier::{
     AppConditions, CameraView, Conditions, CostPoint, Frontier, FrontierMap, MapFit, Misfit,
-    ShownScene, camera_view,
+    SampleRef, ShownScene, camera_view,
 };
-use crate::knobs::{KnobSpace, KnownKnobs};
+use crate::knobs::{KnobRegistry, KnobSpace};
 use crate::power::MeteredPower;
 use crate::units::Watts;
 
@@ -37,13 +33,13 @@ const MISFIT_SECONDS: f64 = 2.0;
 /// What all cameras have in common.
 #[derive(SystemParam)]
 pub(super) struct Common<'w> {
-    time: Res<'w, Time<Real>>,
+    pub(super) time: Res<'w, Time<Real>>,
     rate: Res<'w, FrameRate>,
-    settings: Res<'w, ControlSettings>,
-    feedback: Res<'w, PowerFeedback>,
+    pub(super) settings: Res<'w, ControlSettings>,
+    pub(super) feedback: Res<'w, PowerFeedback>,
     signals: Res<'w, SignalModel>,
-    app_budget: Res<'w, AppBudget>,
-    known: Option<Res<'w, KnownKnobs>>,
+    pub(super) app_budget: Res<'w, AppBudget>,
+    known: Option<Res<'w, KnobRegistry>>,
     scene: Option<Res<'w, ShownScene>>,
     metered: Option<Res<'w, MeteredPower>>,
     maps: Res<'w, Assets<FrontierMap>>,
@@ -125,7 +121,11 @@ impl Common<'_> {
         let budget = camera.budget.copied().unwrap_or_default();
         let found = store.look_up(&view);
         let has_left_map = self.feedback.has_left_map;
-        let whole = found.map(|found| frontier_in_play(store, found, has_left_map));
+        let found = found.map(|found| SampleRef {
+            frontier: frontier_in_play(store, found, has_left_map),
+            ..found
+        });
+        let whole = found.map(|found| found.frontier);
         let limits = match resolve(&budget, &self.observed(whole, conditions.as_ref())) {
             Ok(limits) => limits,
             Err(error) => {
@@ -134,9 +134,8 @@ impl Common<'_> {
             }
         };
         pin_what_others_wrote(camera, &space);
-        let state = camera.state.bypass_change_detection();
-        let bounded = whole.and_then(|whole| state.bounded.get(&camera.bounds, &space, whole));
-        let frontier = bounded.map(FrontierInUse::Bounded).or(whole.map(FrontierInUse::Whole));
+        let bounded = whole.and_then(|whole| camera.bounds.within(&space, whole));
+        let frontier = bounded.map(Cow::Owned).or(whole.map(Cow::Borrowed));
         // Both advance every frame without a change for others to detect.
         let filter = camera.filter.bypass_change_detection();
         let rates = camera.rates.bypass_change_detection();
@@ -147,58 +146,39 @@ impl Common<'_> {
             filter.end_dwell();
         }
         filter.observe_view(&view, self.time.delta_secs_f64());
+        // Levels of another knob space do not apply to this one.
+        let knobs = camera.knobs.as_ref().filter(|knobs| same_space(&knobs.space, &space));
         let terms = Terms {
             store,
             limits,
+            current: knobs.map(|knobs| knobs.settings),
             correction: self.feedback.per_camera(),
             mean_correction: self.feedback.mean_per_camera(),
             errors: *camera.errors,
-            hold: self.settings.dwell.as_secs_f64(),
+            settings: &self.settings,
             delta_seconds: self.time.delta_secs_f64(),
         };
-        let choice = frontier.as_ref().and_then(|frontier| {
-            let rate = terms.rate(frontier, rates, filter);
-            terms.choose(frontier, &rate, rates, filter)
-        });
+        let choice = frontier.as_ref().and_then(|frontier| terms.choose(frontier, rates, filter));
         let has_moved = filter.has_moved() && !rates.is_instant();
-        let (Some(found), Some(whole), Some(frontier), Some(choice)) =
-            (found, whole, frontier, choice)
-        else {
+        let (Some(found), Some(frontier), Some(mut choice)) = (found, frontier, choice) else {
             let refusal = refuse(logged, OffReason::NothingKnown, || {
                 "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
             });
             return off(refusal);
         };
         let is_excluded = || {
-            let best = whole.points().last();
+            let best = found.frontier.points().last();
             best.is_some_and(|best| best.cost.error < choice.cost.error)
         };
-        let mut choice = choice;
-        if matches!(&frontier, FrontierInUse::Bounded(_))
-            && choice.binding.is_none()
-            && is_excluded()
-        {
+        if matches!(frontier, Cow::Owned(_)) && choice.binding.is_none() && is_excluded() {
             choice.binding = Some(Limit::KnobBounds);
         }
-        let (sample, agreed) = (found.camera, None);
         let weight = weight_of(camera.camera, camera.priority);
         let stored = terms.stored();
         let could_stay = [stored.power, stored.peak].into_iter().flatten();
         let could_stay = could_stay.map(|limit| limit.0).fold(f64::INFINITY, f64::min);
         let most = if has_moved { choice.most.power } else { Watts(could_stay) };
-        Ok(Frame {
-            weight,
-            has_moved,
-            store,
-            space,
-            sample,
-            whole,
-            frontier,
-            limits,
-            choice,
-            most,
-            agreed,
-        })
+        Ok(Frame { weight, has_moved, terms, space, found, frontier, choice, most, agreed: None })
     }
 
     /// How well the camera's map fits the app.
@@ -250,17 +230,6 @@ impl Common<'_> {
         observed
     }
 
-    fn divide(&self, rates: &mut RateTracker, frames: &mut [Frame]) {
-        Division {
-            app_budget: &self.app_budget,
-            feedback: &self.feedback,
-            rates,
-            hold: self.settings.dwell.as_secs_f64(),
-            delta_seconds: self.time.delta_secs_f64(),
-        }
-        .divide(frames);
-    }
-
     /// Moves the camera's settings towards the choice, and writes them. Returns the predicted power of
     /// what is applied, in the store's watts.
     fn switch(
@@ -269,28 +238,13 @@ impl Common<'_> {
         frame: Frame<'_>,
         commands: &mut Commands,
     ) -> Watts {
-        let Frame { space, choice, agreed, .. } = frame;
-        let switch = Switch {
-            frontier: frame.whole,
-            space: &space,
-            sample: frame.sample,
-            limits: frame.limits,
-            delta_seconds: self.time.delta_secs_f64(),
-            // Levels of another knob space do not apply to this one.
-            current: camera
-                .knobs
-                .as_ref()
-                .filter(|knobs| same_space(&knobs.space, &space))
-                .map(|knobs| knobs.settings),
-            correction: self.feedback.per_camera(),
-            settings: &self.settings,
-        };
+        let Frame { terms, space, found, choice, agreed, .. } = frame;
         let charge =
             |settings| agreed.as_ref().map_or(Watts(0.0), |agreed| agreed.charge(settings));
         // Both advance every frame without a change for others to detect.
         let filter = camera.filter.bypass_change_detection();
         let rates = camera.rates.bypass_change_detection();
-        let decisions = switch.step(&choice, charge, filter, rates);
+        let decisions = terms.switch(found, &choice, charge, filter, rates);
         camera.state.bypass_change_detection().predicted = Some(decisions.uncorrected);
         write_selection(
             commands,

@@ -1,15 +1,26 @@
 //! Maps and other stores: refused, replaced, and loaded from files.
 
 use super::*;
+use crate::knobs::{Knob, KnobDriver, Level, RegisterKnob};
+
+struct Named(&'static str);
+
+impl KnobDriver for Named {
+    fn knob(&self) -> Knob {
+        Knob::new(self.0, [0.0])
+    }
+
+    fn apply(&self, _: &mut World, _: Entity, _: &Level) {}
+}
 
 #[test]
 fn a_map_with_unregistered_knobs_is_rejected() {
     let (mut app, camera, _) = scene(Budget::default());
-    app.insert_resource(KnownKnobs(["samples".to_owned()].into()));
+    app.register_knob(Named("samples"));
     app.update();
     assert_eq!(selection(&app, camera).status, ControlStatus::Off(OffReason::UnknownKnobs));
     assert!(app.world().get::<KnobSettings>(camera).is_none());
-    app.world_mut().resource_mut::<KnownKnobs>().0.insert("scale".to_owned());
+    app.register_knob(Named("scale"));
     app.update();
     assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::Met));
     assert_eq!(applied(&app, camera), at(4, 2));
@@ -36,12 +47,7 @@ fn invalid_and_empty_maps_are_rejected_until_they_change() {
     // possible.
     let mut other = testing::map(1);
     other.knobs = KnobSpace::new(
-        testing::space()
-            .knobs()
-            .iter()
-            .cloned()
-            .chain([crate::knobs::Knob::new("new", [0.0, 1.0])])
-            .collect(),
+        testing::space().knobs().iter().cloned().chain([Knob::new("new", [0.0, 1.0])]).collect(),
     )
     .expect("a space");
     assert_eq!(change(&mut app, other.clone()), ControlStatus::Active(Outcome::Met));

@@ -3,13 +3,8 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AsAssetId, AssetId, Handle};
-use bevy::ecs::component::Component;
-use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
-use bevy::ecs::resource::Resource;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
-use frugal_core::control::{BoundedFrontier, RateTracker, RatedAt};
+use bevy::prelude::*;
+use frugal_core::control::{RateTracker, RatedAt};
 
 use super::power_feedback::Predicted;
 use super::{Budget, ErrorFeedback, KnobBounds, Limit, Outcome, SettingsFilter};
@@ -23,20 +18,6 @@ use crate::units::Watts;
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[require(CameraState)]
 pub struct PowerController(pub Handle<FrontierMap>);
-
-impl From<Handle<FrontierMap>> for PowerController {
-    fn from(handle: Handle<FrontierMap>) -> Self {
-        Self(handle)
-    }
-}
-
-impl AsAssetId for PowerController {
-    type Asset = FrontierMap;
-
-    fn as_asset_id(&self) -> AssetId<FrontierMap> {
-        self.0.id()
-    }
-}
 
 /// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Takes
 /// precedence over a [`PowerController`] on the same camera.
@@ -132,7 +113,6 @@ pub(super) struct CameraState {
     /// Of the camera's map; `None` for other stores.
     pub(super) rated_at: Option<RatedAt>,
     pub(super) is_active: bool,
-    pub(super) bounded: BoundedFrontier,
     /// How long each misfit has lasted, seconds; infinite once it was logged.
     pub(super) misfits: [f64; Misfit::ALL.len()],
 }

@@ -1,13 +1,11 @@
 //! A controlled camera, and its frame between look-up and switch.
 
-use std::ops::Deref;
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use bevy::camera::{Camera, Projection};
-use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
-use bevy::transform::components::GlobalTransform;
-use frugal_core::control::{Limits, RateTracker};
+use bevy::prelude::*;
+use frugal_core::control::{RateTracker, Terms};
 
 use super::components::CameraState;
 use super::{
@@ -15,7 +13,7 @@ use super::{
     Selection, SettingsFilter,
 };
 use crate::cut::CameraCut;
-use crate::frontier::{Frontier, FrontierStore, MapFit, SampleCamera, SharedLevels};
+use crate::frontier::{Frontier, MapFit, SampleRef, SharedLevels};
 use crate::knobs::{KnobLevels, KnobSettings, KnobSpace, WarmKnobs};
 use crate::units::Watts;
 
@@ -44,38 +42,18 @@ pub(super) struct Controlled {
     pub(super) knobs: Option<&'static mut KnobSettings>,
 }
 
-/// A frontier of the map, or one within a camera's bounds.
-pub(super) enum FrontierInUse<'a> {
-    Whole(&'a Frontier),
-    Bounded(Arc<Frontier>),
-}
-
-impl Deref for FrontierInUse<'_> {
-    type Target = Frontier;
-
-    fn deref(&self) -> &Frontier {
-        match self {
-            Self::Whole(frontier) => frontier,
-            Self::Bounded(frontier) => frontier,
-        }
-    }
-}
-
 /// A camera's frame after its look-up and its own choice.
 pub(super) struct Frame<'a> {
     /// How much its error counts.
     pub(super) weight: f64,
     /// Whether its view has moved since its target changed last.
     pub(super) has_moved: bool,
-    pub(super) store: &'a dyn FrontierStore,
+    pub(super) terms: Terms<'a>,
     pub(super) space: Arc<KnobSpace>,
-    pub(super) sample: SampleCamera,
-    /// The frontier that was found.
-    pub(super) whole: &'a Frontier,
-    /// The one that choices are made from.
-    pub(super) frontier: FrontierInUse<'a>,
-    /// In the watts of the app's meter.
-    pub(super) limits: Limits,
+    /// The sample camera, and the frontier in play.
+    pub(super) found: SampleRef<'a>,
+    /// The frontier that choices are made from: that one, or the part of it within the camera's bounds.
+    pub(super) frontier: Cow<'a, Frontier>,
     /// In the store's watts.
     pub(super) choice: Choice,
     /// The power that its own budget can bear now, in the store's watts: in a still view what could stay.

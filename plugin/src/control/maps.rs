@@ -1,6 +1,6 @@
 //! Loaded maps, checked once, and the store that a camera's frontiers come from.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
@@ -8,41 +8,33 @@ use bevy::ecs::prelude::*;
 
 use super::{ControlStatus, FrontierSource, OffReason, PowerController};
 use crate::frontier::{Frontier, FrontierMap, FrontierStore, SampleRef};
-use crate::knobs::{KnobSpace, KnownKnobs};
+use crate::knobs::{KnobRegistry, KnobSpace};
 
 /// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
 type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
 
 /// Cache of checked maps, so that nothing is checked or allocated per frame.
 #[derive(Resource, Default)]
-pub(super) struct PreparedMaps {
-    checked: HashMap<AssetId<FrontierMap>, Prepared>,
-    /// Maps that changed since they were loaded: the loader has checked all others.
-    changed: HashSet<AssetId<FrontierMap>>,
-}
+pub(super) struct PreparedMaps(HashMap<AssetId<FrontierMap>, Prepared>);
 
 impl PreparedMaps {
     fn get(
         &mut self,
         id: AssetId<FrontierMap>,
         map: &FrontierMap,
-        is_loaded: impl FnOnce() -> bool,
-        known: Option<&KnownKnobs>,
+        known: Option<&KnobRegistry>,
     ) -> &Prepared {
-        let Self { checked, changed } = self;
-        checked.entry(id).or_insert_with(|| {
-            if changed.contains(&id) || !is_loaded() {
-                map.validate().map_err(|error| (OffReason::MapInvalid, error.to_string()))?;
+        self.0.entry(id).or_insert_with(|| {
+            map.validate().map_err(|error| (OffReason::MapInvalid, error.to_string()))?;
+            match unknown(&map.knobs, known) {
+                Some(name) => Err((OffReason::UnknownKnobs, message_of(name))),
+                None => Ok(Arc::new(map.knobs.clone())),
             }
-            if let Some(name) = unknown(&map.knobs, known) {
-                return Err((OffReason::UnknownKnobs, message_of(name)));
-            }
-            Ok(Arc::new(map.knobs.clone()))
         })
     }
 }
 
-fn unknown<'a>(space: &'a KnobSpace, known: Option<&KnownKnobs>) -> Option<&'a str> {
+fn unknown<'a>(space: &'a KnobSpace, known: Option<&KnobRegistry>) -> Option<&'a str> {
     known.and_then(|known| known.first_unknown(space))
 }
 
@@ -56,27 +48,20 @@ fn message_of(unknown_knob: &str) -> String {
 /// change.
 pub(super) fn forget_changed_maps(
     mut events: MessageReader<AssetEvent<FrontierMap>>,
-    known: Option<Res<KnownKnobs>>,
+    known: Option<Res<KnobRegistry>>,
     mut prepared: ResMut<PreparedMaps>,
 ) {
     for event in events.read() {
         match event {
-            AssetEvent::Added { id } => {
-                prepared.checked.remove(id);
-            }
-            AssetEvent::Modified { id } => {
-                prepared.checked.remove(id);
-                prepared.changed.insert(*id);
-            }
-            AssetEvent::Removed { id } | AssetEvent::Unused { id } => {
-                prepared.checked.remove(id);
-                prepared.changed.remove(id);
-            }
+            AssetEvent::Added { id }
+            | AssetEvent::Modified { id }
+            | AssetEvent::Removed { id }
+            | AssetEvent::Unused { id } => drop(prepared.0.remove(id)),
             AssetEvent::LoadedWithDependencies { .. } => {}
         }
     }
     if known.is_some_and(|known| known.is_changed()) {
-        prepared.checked.clear();
+        prepared.0.clear();
     }
 }
 
@@ -110,7 +95,7 @@ pub(super) fn source_of<'a>(
     maps: &'a Assets<FrontierMap>,
     server: Option<&AssetServer>,
     prepared: &mut PreparedMaps,
-    known: Option<&KnownKnobs>,
+    known: Option<&KnobRegistry>,
     logged: ControlStatus,
 ) -> Result<(&'a dyn FrontierStore, Arc<KnobSpace>), Refusal> {
     if let Some(source) = source {
@@ -122,16 +107,15 @@ pub(super) fn source_of<'a>(
     let Some(id) = handle.map(|handle| handle.0.id()) else {
         return Err((ControlStatus::Waiting, None));
     };
-    let state = || server.and_then(|server| server.get_load_state(id));
     let Some(map) = maps.get(id) else {
-        return Err(match state() {
+        return Err(match server.and_then(|server| server.get_load_state(id)) {
             Some(LoadState::Failed(error)) => {
                 refuse(logged, OffReason::MapNotLoaded, || error.to_string())
             }
             _ => (ControlStatus::Waiting, None),
         });
     };
-    match prepared.get(id, map, || matches!(state(), Some(LoadState::Loaded)), known) {
+    match prepared.get(id, map, known) {
         Ok(space) => Ok((map, Arc::clone(space))),
         Err((reason, message)) => Err(refuse(logged, *reason, || message.clone())),
     }

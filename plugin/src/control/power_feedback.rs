@@ -1,12 +1,9 @@
 //! Metered against predicted power, of all controlled cameras together.
 
-use bevy::ecs::prelude::*;
-use bevy::log::warn;
-use bevy::reflect::Reflect;
+use bevy::prelude::*;
 use frugal_core::control::{FrameKind, FrameRate, RatedAt};
 
 use super::{PowerCorrection, PowerModel};
-use crate::frontier::Comparison;
 use crate::power::{MeterState, MeteredPower, Provenance};
 use crate::units::Watts;
 
@@ -69,8 +66,8 @@ impl PowerFeedback {
 pub(super) struct Predicted {
     /// Power of the applied settings in the map's watts; `None` while the controller is off.
     pub(super) power: Option<Watts>,
-    /// Whether the map's meter is the app's.
-    pub(super) meter: Comparison,
+    /// Whether the map's meter is the app's; `None` while unknown.
+    pub(super) meter: Option<bool>,
     pub(super) rated_at: Option<RatedAt>,
 }
 
@@ -103,7 +100,7 @@ impl FeedbackModel {
             Some(predicted) => self.model.predict(at_rate.corrected(predicted), delta_seconds),
             None => self.model.pause(),
         }
-        let is_maps_meter = cameras.into_iter().all(|camera| camera.meter == Comparison::Same);
+        let is_maps_meter = cameras.into_iter().all(|camera| camera.meter == Some(true));
         let trusted = metered.filter(|metered| {
             let is_measured = |info: &crate::power::MeterInfo| {
                 info.provenance == Provenance::Measured || is_maps_meter
@@ -117,16 +114,6 @@ impl FeedbackModel {
             self.seen = metered.sample_count;
             self.model.read(watts, interval.as_secs_f64());
         }
-        self.feedback(trusted, at_rate, count, before)
-    }
-
-    fn feedback(
-        &self,
-        trusted: Option<&MeteredPower>,
-        at_rate: PowerCorrection,
-        cameras: usize,
-        before: &PowerFeedback,
-    ) -> PowerFeedback {
         let readings = self.model.readings();
         let state = match trusted {
             None => FeedbackState::Off,
@@ -160,7 +147,7 @@ impl FeedbackModel {
             deviation: self.model.deviation().filter(|_| state != FeedbackState::Off),
             readings,
             has_left_map,
-            cameras,
+            cameras: count,
         }
     }
 }

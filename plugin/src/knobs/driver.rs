@@ -1,6 +1,5 @@
 //! Drivers, which apply a knob's level to the app's state, and the registry of all knobs.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use bevy::app::App;
@@ -68,7 +67,9 @@ pub(super) struct Registered {
     pub driver: Arc<dyn KnobDriver>,
 }
 
-/// All knobs of the app, in the order of registration.
+/// All knobs of the app, in the order of registration. A map that sets other knobs is rejected
+/// ([`OffReason::UnknownKnobs`](crate::control::OffReason::UnknownKnobs)). Without this resource
+/// every map is accepted.
 #[derive(Resource, Clone, Default)]
 pub struct KnobRegistry {
     /// Shared, so that systems can keep it while drivers have the world.
@@ -101,6 +102,12 @@ impl KnobRegistry {
     /// Names of all knobs, opt-in ones included, in the order of registration.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.drivers.iter().map(|known| known.name.as_str())
+    }
+
+    /// The first knob of `space` that this app has not registered; `None` when all are known.
+    pub fn first_unknown<'a>(&self, space: &'a KnobSpace) -> Option<&'a str> {
+        let mut names = space.knobs().iter().map(|knob| knob.name.as_str());
+        names.find(|name| self.get(name).is_none())
     }
 
     /// Whether a knob called `name` is registered and of [app scope](KnobScope::App).
@@ -152,30 +159,5 @@ impl RegisterKnob for App {
     fn register_knob(&mut self, driver: impl KnobDriver) -> &mut Self {
         self.world_mut().get_resource_or_init::<KnobRegistry>().add(driver);
         self
-    }
-}
-
-/// Names of the knobs that this app has registered. A map that sets other knobs is rejected
-/// ([`OffReason::UnknownKnobs`](crate::control::OffReason::UnknownKnobs)). Without this resource
-/// every map is accepted.
-#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
-pub struct KnownKnobs(pub BTreeSet<String>);
-
-impl KnownKnobs {
-    /// The names of all knobs of `registry`.
-    pub fn of(registry: &KnobRegistry) -> Self {
-        Self(registry.names().map(str::to_owned).collect())
-    }
-
-    /// The first knob of `space` that this app has not registered; `None` when all are known.
-    pub fn first_unknown<'a>(&self, space: &'a KnobSpace) -> Option<&'a str> {
-        space.knobs().iter().map(|knob| knob.name.as_str()).find(|name| !self.0.contains(*name))
-    }
-}
-
-/// Adds the knobs that are registered while the app runs.
-pub(super) fn update_known(registry: Res<KnobRegistry>, known: Option<ResMut<KnownKnobs>>) {
-    if let Some(mut known) = known {
-        known.set_if_neq(KnownKnobs::of(&registry));
     }
 }

@@ -10,8 +10,7 @@ use bevy::camera::Camera;
 use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 
-use super::settings::AppliedKnob;
-use super::{AppliedKnobs, KnobRegistry, KnobScope, KnobSettings};
+use super::{AppliedKnob, AppliedKnobs, KnobRegistry, KnobScope, KnobSettings};
 
 /// What [`reconcile`] keeps from frame to frame.
 #[derive(Default)]

@@ -13,9 +13,7 @@ use bevy::render::camera::MipBias;
 
 use super::*;
 use crate::gi::FrugalGi;
-use crate::knobs::{
-    Knob, KnobDriver, KnobLevels, KnobPlugin, KnobSpace, KnownKnobs, Level, RegisterKnob,
-};
+use crate::knobs::{Knob, KnobDriver, KnobLevels, KnobPlugin, KnobSpace, Level, RegisterKnob};
 use crate::resolution::ResolutionScale;
 
 fn app() -> App {
@@ -337,8 +335,8 @@ fn more_knobs_than_settings_pack_are_one_clear_error_and_all_are_known() {
     app.finish();
     let error = space(&app).expect_err("33 knobs").to_string();
     assert!(error.contains("33 knobs") && error.contains("leave some out"), "{error}");
-    let known = |app: &App| app.world().resource::<KnownKnobs>().clone();
-    assert_eq!(known(&app).0.len(), 35, "the opt-in ones included");
+    let known = |app: &App| app.world().resource::<KnobRegistry>().clone();
+    assert_eq!(known(&app).names().count(), 35, "the opt-in ones included");
     // A map with some of them is accepted, and one with an unknown knob is not.
     let space = |names: &[&str]| {
         KnobSpace::new(names.iter().map(|name| Knob::new(name, [0.0])).collect()).expect("a space")

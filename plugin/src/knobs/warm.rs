@@ -5,11 +5,8 @@
 
 use std::sync::Arc;
 
-use bevy::app::{App, PostUpdate};
-use bevy::camera::Camera;
-use bevy::ecs::prelude::*;
-use bevy::log::warn;
 use bevy::platform::time::Instant;
+use bevy::prelude::*;
 
 use super::{KnobLevels, KnobSettings, KnobSpace, KnobSystems};
 use crate::schedule::PipelinesBusy;
@@ -57,15 +54,8 @@ impl WarmKnobs {
     /// Warms every level of `space`.
     pub fn new(space: impl Into<Arc<KnobSpace>>) -> Self {
         let space = space.into();
-        let levels = levels_to_show(&space);
-        Self {
-            space,
-            levels,
-            phase: Phase::Begin,
-            before: None,
-            idle_frames: 0,
-            waiting_since: None,
-        }
+        let (levels, phase) = (levels_to_show(&space), Phase::Begin);
+        Self { space, levels, phase, before: None, idle_frames: 0, waiting_since: None }
     }
 
     /// Also shows each of `settings` as a whole: passes of several knobs may share a pipeline. Give
@@ -93,24 +83,18 @@ impl WarmKnobs {
 
     /// The settings for this frame; `None` when the warm-up is complete.
     fn step(&mut self, busy: bool) -> Option<KnobSettings> {
-        match self.phase {
-            Phase::Begin => {
-                if self.compilation_ended(busy) {
-                    self.show(0);
-                }
-            }
+        let phase = self.phase;
+        match phase {
             Phase::Level(shown) => self.show(shown + 1),
-            Phase::End => {
-                if self.compilation_ended(busy) {
-                    return None;
-                }
-            }
+            Phase::Begin if self.compilation_ended(busy) => self.show(0),
+            Phase::End if self.compilation_ended(busy) => return None,
+            Phase::Begin | Phase::End => {}
         }
-        let settings = match (self.phase, &self.before) {
-            (Phase::Level(shown), _) => self.levels[shown],
-            (Phase::End, Some(before)) => return Some(before.clone()),
-            (Phase::Begin, _) => self.space.lowest(),
-            (Phase::End, None) => self.space.highest(),
+        let settings = match self.phase {
+            Phase::Begin => self.space.lowest(),
+            Phase::Level(shown) => self.levels[shown],
+            Phase::End if self.before.is_some() => return self.before.clone(),
+            Phase::End => self.space.highest(),
         };
         Some(KnobSettings { space: Arc::clone(&self.space), settings })
     }
@@ -183,8 +167,6 @@ fn warm_knobs(
 
 #[cfg(test)]
 mod tests {
-    use bevy::MinimalPlugins;
-
     use super::*;
     use crate::knobs::{Knob, KnobDriver, KnobPlugin, Level, RegisterKnob};
 

@@ -5,7 +5,7 @@
 //! loses at most the last one, which readers and later runs drop.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
@@ -276,19 +276,16 @@ fn open<R: Row>(path: &Path) -> Result<File, End> {
 
 /// Length of the file up to its last line end.
 fn whole_lines(file: &mut File) -> io::Result<u64> {
-    let mut end = file.seek(SeekFrom::End(0))?;
-    let mut block = [0; 4096];
-    while end > 0 {
-        let length = end.min(block.len() as u64);
-        file.seek(SeekFrom::Start(end - length))?;
-        let block = &mut block[..length as usize];
-        file.read_exact(block)?;
-        if let Some(last) = block.iter().rposition(|byte| *byte == b'\n') {
-            return Ok(end - length + last as u64 + 1);
+    file.rewind()?;
+    let (mut reader, mut line, mut whole) = (BufReader::new(file), Vec::new(), 0);
+    loop {
+        line.clear();
+        let length = reader.read_until(b'\n', &mut line)?;
+        if !line.ends_with(b"\n") {
+            return Ok(whole);
         }
-        end -= length;
+        whole += length as u64;
     }
-    Ok(0)
 }
 
 /// Writes rows as they arrive, until the sender is dropped.

@@ -2,15 +2,14 @@
 
 use bevy::anti_alias::fxaa::Fxaa;
 use bevy::anti_alias::smaa::{Smaa, SmaaPreset};
-use bevy::app::{App, PostUpdate};
-use bevy::camera::{Camera, CameraUpdateSystems};
-use bevy::ecs::prelude::*;
+use bevy::camera::CameraUpdateSystems;
 use bevy::light::VolumetricFog;
 use bevy::pbr::{
     ContactShadows, ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel,
     ScreenSpaceReflections,
 };
 use bevy::post_process::bloom::Bloom;
+use bevy::prelude::*;
 
 use crate::knobs::overrides::{Field, Override};
 use crate::knobs::{FieldKnob, Knob, KnobDriver, KnobField, Level};

@@ -2,13 +2,9 @@
 
 use std::any::TypeId;
 
-use bevy::app::{App, PostUpdate};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{NoFrustumCulling, VisibilitySystems, VisibleEntities};
-use bevy::camera::{Camera, Projection};
-use bevy::ecs::prelude::*;
-use bevy::mesh::Mesh3d;
-use bevy::transform::components::GlobalTransform;
+use bevy::prelude::*;
 
 use crate::knobs::{FieldKnob, Knob, KnobField};
 
@@ -74,8 +70,7 @@ fn cull_by_distance(
 
 #[cfg(test)]
 mod tests {
-    use bevy::camera::PerspectiveProjection;
-    use bevy::math::{Vec3, Vec3A};
+    use bevy::math::Vec3A;
 
     use super::*;
     use crate::knobs::KnobDriver;

@@ -42,10 +42,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bevy::app::{Last, Startup};
-use bevy::ecs::schedule::common_conditions::resource_exists;
 use bevy::prelude::*;
-use bevy::time::Real;
 use bevy_frugal_gi::control::{AppBudget, Budget, Selection, SettingsSwitched};
 use bevy_frugal_gi::error_meter::MeasuredError;
 use bevy_frugal_gi::knobs::KnobSettings;

@@ -4,11 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use bevy::time::Real;
 use bevy_frugal_gi::control::SettingsSwitched;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
 
-use super::settings::HudSettings;
+use super::HudSettings;
 use super::text::switch_line;
 
 /// Most entries kept, of all cameras together.

@@ -17,10 +17,10 @@ use bevy_frugal_gi::knobs::{KnobSettings, WarmKnobs};
 use bevy_frugal_gi::power::MeteredPower;
 use bevy_frugal_gi::units::Watts;
 
+use super::HudPart;
 use super::log::SwitchLog;
 use super::plot::{self, Plot};
-use super::settings::HudPart;
-use super::text::{Detail, Facts, caption};
+use super::text::{Facts, caption};
 use super::wipe::WipeCamera;
 
 /// A camera that has a panel.
@@ -70,7 +70,6 @@ pub(super) fn spawn(
         position_type: PositionType::Absolute,
         padding: UiRect::all(px(PADDING)),
         column_gap: px(14),
-        row_gap: px(4),
         overflow: Overflow::clip(),
         ..default()
     };
@@ -198,7 +197,7 @@ pub(super) fn write(
     cameras: Query<PanelQuery, HasPanel>,
     mut panels: Query<(Entity, &mut Panel)>,
     mut nodes: Query<&mut Node>,
-    mut texts: Query<(&mut Text, &mut TextFont)>,
+    mut texts: Query<&mut Text>,
     mut images: Option<ResMut<Assets<Image>>>,
 ) {
     let feedback = sources.feedback.as_deref();
@@ -214,7 +213,6 @@ pub(super) fn write(
         let sharing = all.iter().filter(|other| corner_of(other.camera) == corner).count();
         corners.push(corner);
         let place = Place::of(shown.camera, number, sharing);
-        let detail = Detail::of(place.room);
 
         let id = shown.entity.to_string();
         let facts = Facts {
@@ -236,26 +234,20 @@ pub(super) fn write(
             feedback,
         };
         let frontier = shown.frontier(sources.maps.as_deref(), feedback);
-        let (switches, knobs) = if detail == Detail::Full { (6, 2) } else { (2, 1) };
         let mut log = caption(frontier, correction);
-        for line in sources.log.lines(panel.camera, switches, knobs) {
+        for line in sources.log.lines(panel.camera, 6, 2) {
             log.push('\n');
             log.push_str(&line);
         }
-        let size = FontSize::Px(if detail == Detail::Full { 11.0 } else { 10.0 });
-        for (entity, text) in [
-            (panel.summary, facts.summary(detail)),
-            (panel.log, log),
-            (panel.knobs, facts.knobs(detail)),
-        ] {
-            let Ok((mut old, mut font)) = texts.get_mut(entity) else { continue };
-            old.set_if_neq(Text(text));
-            if font.font_size != size {
-                font.font_size = size;
+        for (entity, text) in
+            [(panel.summary, facts.summary()), (panel.log, log), (panel.knobs, facts.knobs())]
+        {
+            if let Ok(mut old) = texts.get_mut(entity) {
+                old.set_if_neq(Text(text));
             }
         }
-        let has_plot = detail > Detail::Brief && shown.selection.is_some();
-        lay_out(&mut nodes, root, &panel, place, detail, has_plot);
+        let has_plot = shown.selection.is_some();
+        lay_out(&mut nodes, root, &panel, place, has_plot);
         if has_plot {
             draw(&mut panel, shown.plot(frontier, correction), images.as_deref_mut());
         }
@@ -267,7 +259,6 @@ fn lay_out(
     root: Entity,
     panel: &Panel,
     place: Place,
-    detail: Detail,
     has_plot: bool,
 ) {
     let mut change = |entity: Entity, change: &dyn Fn(&mut Node)| {
@@ -281,19 +272,10 @@ fn lay_out(
         if let Some(room) = place.room {
             (node.max_width, node.max_height) = (px(room.x), px(room.y));
         }
-        node.flex_direction = match detail {
-            Detail::Full => FlexDirection::Row,
-            Detail::Medium | Detail::Brief => FlexDirection::Column,
-        };
     });
     let display = |is_shown: bool| if is_shown { Display::Flex } else { Display::None };
     change(panel.plot, &|node| node.display = display(has_plot));
     change(panel.log, &|node| node.display = display(has_plot));
-    change(panel.knobs, &|node| {
-        node.display = display(detail > Detail::Brief);
-        // A paragraph needs a width: the height of its root is that of its lines without one.
-        node.width = if detail == Detail::Medium { px(plot::WIDTH as f32) } else { Val::Auto };
-    });
 }
 
 /// Draws the plot anew if it differs from the one shown.

@@ -3,8 +3,6 @@
 
 use std::fmt::Debug;
 
-use bevy::math::Vec2;
-
 use bevy_frugal_gi::control::{
     Budget, ControlStatus, FeedbackState, Outcome, PowerCorrection, PowerFeedback, Selection,
 };
@@ -13,29 +11,6 @@ use bevy_frugal_gi::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSettings, KnobSpace};
 use bevy_frugal_gi::power::{MeterState, MeteredPower};
 use bevy_frugal_gi::units::Watts;
-
-/// How much a panel shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Detail {
-    /// Outcome, power and error.
-    Brief,
-    /// And the plot, the last switches, and the settings in a paragraph.
-    Medium,
-    /// And a line for each knob.
-    Full,
-}
-
-impl Detail {
-    /// What fits a panel of `size`, logical pixels; everything where the size is unknown.
-    pub(super) fn of(size: Option<Vec2>) -> Self {
-        match size {
-            None => Self::Full,
-            Some(size) if size.x >= 600.0 && size.y >= 300.0 => Self::Full,
-            Some(size) if size.x >= 312.0 && size.y >= 300.0 => Self::Medium,
-            Some(_) => Self::Brief,
-        }
-    }
-}
 
 /// What is known of a camera; `None` is unknown, or not there.
 #[derive(Clone, Copy, Default)]
@@ -59,15 +34,9 @@ pub(super) struct Facts<'a> {
 
 impl Facts<'_> {
     /// Budget, outcome, power and error.
-    pub(super) fn summary(&self, detail: Detail) -> String {
+    pub(super) fn summary(&self) -> String {
         let predicted = self.selection.and_then(|selection| selection.predicted_applied);
         let mut lines: Vec<String> = self.name.map(str::to_owned).into_iter().collect();
-        if detail == Detail::Brief {
-            lines.push(self.outcome());
-            lines.push(format!("budget {}", self.limits()));
-            lines.extend(predicted.map(cost));
-            return lines.join("\n");
-        }
         let mut row = |label: &str, text: String| lines.push(format!("{label:<10}{text}"));
         row("budget", self.limits());
         row("outcome", self.outcome());
@@ -161,8 +130,8 @@ impl Facts<'_> {
         })
     }
 
-    /// The knobs in force with their levels.
-    pub(super) fn knobs(&self, detail: Detail) -> String {
+    /// The knobs in force with their levels, a line for each.
+    pub(super) fn knobs(&self) -> String {
         let Some(KnobSettings { space, settings }) = self.settings else { return String::new() };
         let target = self
             .selection
@@ -179,24 +148,14 @@ impl Facts<'_> {
             // A level beyond the last counts as the last.
             format!("{}/{last}", (settings.level(index) + 1).min(last))
         };
-        match detail {
-            Detail::Brief => String::new(),
-            Detail::Medium => {
-                let knob = |(index, knob)| format!("{} {}", spaced(knob), change(index, knob));
-                knobs().map(knob).collect::<Vec<_>>().join(", ")
-            }
-            Detail::Full => {
-                let width = knobs().map(|(_, knob)| knob.name.len()).max().unwrap_or(0);
-                let line = |(index, knob)| {
-                    let (name, level) = (spaced(knob), place(index, knob));
-                    let effect = self.effect(index, settings.level(index));
-                    format!("{name:<width$} {level:>5}  {:<8}{effect}", change(index, knob))
-                        .trim_end()
-                        .to_owned()
-                };
-                knobs().map(line).collect::<Vec<_>>().join("\n")
-            }
-        }
+        let width = knobs().map(|(_, knob)| knob.name.len()).max().unwrap_or(0);
+        let line = |(index, knob)| {
+            let (name, level) = (spaced(knob), place(index, knob));
+            let effect = self.effect(index, settings.level(index));
+            let line = format!("{name:<width$} {level:>5}  {:<8}{effect}", change(index, knob));
+            line.trim_end().to_owned()
+        };
+        knobs().map(line).collect::<Vec<_>>().join("\n")
     }
 }
 

@@ -23,18 +23,14 @@ fn a_summary_has_budget_outcome_and_cost() {
     let (selection, budget) = (active(Outcome::Met), Budget::both(Watts(7.5), 0.06));
     let facts = Facts { selection: Some(&selection), budget: Some(&budget), ..Default::default() };
     assert_eq!(
-        facts.summary(Detail::Full),
+        facts.summary(),
         "budget    7.50 W, error 0.0600\noutcome   met\npredicted 2.00 W, error 0.0500"
-    );
-    assert_eq!(
-        facts.summary(Detail::Brief),
-        "met\nbudget 7.50 W, error 0.0600\n2.00 W, error 0.0500"
     );
     let selection = changed(active(Outcome::Settling), |it| {
         it.predicted = Some(CostPoint::new(4.0, 0.0));
     });
     let facts = Facts { selection: Some(&selection), name: Some("left"), ..facts };
-    let text = facts.summary(Detail::Medium);
+    let text = facts.summary();
     assert!(text.starts_with("left\nbudget"), "{text}");
     assert!(text.contains("outcome   settling\n"), "{text}");
     assert!(text.ends_with("target    4.00 W, error 0.0000"), "{text}");
@@ -43,16 +39,16 @@ fn a_summary_has_budget_outcome_and_cost() {
 #[test]
 fn cameras_without_a_map_or_a_meter_say_so() {
     let outcome = |selection: &Selection| {
-        Facts { selection: Some(selection), ..Default::default() }.summary(Detail::Brief)
+        Facts { selection: Some(selection), ..Default::default() }.summary()
     };
-    assert!(Facts::default().summary(Detail::Full).contains("settings by hand"));
-    assert!(outcome(&Selection::default()).starts_with("waiting for the map"));
+    assert!(Facts::default().summary().contains("settings by hand"));
+    assert!(outcome(&Selection::default()).ends_with("outcome   waiting for the map"));
     let off = ControlStatus::Off(OffReason::MapNotLoaded);
     let text = outcome(&changed(Selection::default(), |it| it.status = off));
-    assert!(text.starts_with("off: map not loaded"), "{text}");
+    assert!(text.ends_with("outcome   off: map not loaded"), "{text}");
     assert_eq!(caption(None, PowerCorrection::default()), "no frontier");
     assert_eq!(caption(Some(&Frontier::default()), PowerCorrection::default()), "no frontier");
-    assert_eq!(Facts::default().knobs(Detail::Full), "");
+    assert_eq!(Facts::default().knobs(), "");
 
     let metered = |state, mean, info| {
         let facts = |it: &mut MeteredPower| (it.state, it.mean, it.info) = (state, mean, info);
@@ -86,28 +82,27 @@ fn feedback_has_its_uncertainty() {
     assert_eq!(correction(&feedback).as_deref(), Some(text));
     let selection = active(Outcome::Met);
     let facts = Facts { feedback: Some(&feedback), ..Default::default() };
-    assert!(!facts.summary(Detail::Full).contains("feedback"), "no prediction to correct");
+    assert!(!facts.summary().contains("feedback"), "no prediction to correct");
     let facts = Facts { selection: Some(&selection), ..facts };
-    assert!(facts.summary(Detail::Full).ends_with(text));
+    assert!(facts.summary().ends_with(text));
     let mut changed = feedback;
     changed.has_left_map = true;
     let facts = Facts { feedback: Some(&changed), ..facts };
-    assert!(facts.summary(Detail::Full).contains("the scene has changed"));
+    assert!(facts.summary().contains("the scene has changed"));
 }
 
 #[test]
 fn a_measured_error_stands_beside_the_predicted_one() {
     let selection = active(Outcome::Met);
     let mut measured = MeasuredError::default();
-    let text = |measured: &MeasuredError, detail| {
+    let text = |measured: &MeasuredError| {
         let facts =
             Facts { selection: Some(&selection), measured: Some(measured), ..Default::default() };
-        facts.summary(detail)
+        facts.summary()
     };
-    assert!(!text(&measured, Detail::Full).contains("measured"), "nothing is yet");
+    assert!(!text(&measured).contains("measured"), "nothing is yet");
     measured = MeasuredError { last: Some(0.021_34), count: 3 };
-    assert!(text(&measured, Detail::Full).ends_with("measured  error 0.0213, number 3"));
-    assert!(!text(&measured, Detail::Brief).contains("0.0213"));
+    assert!(text(&measured).ends_with("measured  error 0.0213, number 3"));
 }
 
 #[test]
@@ -120,15 +115,14 @@ fn what_a_level_saves_and_costs_alone_stands_beside_it() {
     };
     let facts =
         Facts { settings: Some(&settings), effects: Some((&effects, 30.0)), ..Default::default() };
-    let text = facts.knobs(Detail::Full);
+    let text = facts.knobs();
     let lines: Vec<&str> = text.lines().collect();
     assert!(lines[0].ends_with("-1.80 W, error +0.0500"), "{text}");
     assert!(lines[1].ends_with("  1"), "the best level: {text}");
-    assert!(!facts.knobs(Detail::Medium).contains('W'));
     // Effects of other knobs are none of these.
     let other = KnobEffects { joules: vec![vec![0.1]], errors: vec![] };
     let facts = Facts { effects: Some((&other, 30.0)), ..facts };
-    assert!(!facts.knobs(Detail::Full).contains('W'));
+    assert!(!facts.knobs().contains('W'));
 }
 
 #[test]
@@ -171,12 +165,10 @@ fn numbers_at_extremes_stay_short() {
             warming: Some(f32::NAN),
             ..Default::default()
         };
-        for detail in [Detail::Brief, Detail::Medium, Detail::Full] {
-            let text = facts.summary(detail);
-            assert!(text.lines().all(|line| line.len() < 80), "{text}");
-            assert!(text.contains("warming up, ? %"), "{text}");
-            assert!(facts.knobs(detail).len() < 80, "{}", facts.knobs(detail));
-        }
+        let text = facts.summary();
+        assert!(text.lines().all(|line| line.len() < 80), "{text}");
+        assert!(text.contains("warming up, ? %"), "{text}");
+        assert!(facts.knobs().len() < 80, "{}", facts.knobs());
     }
 }
 
@@ -199,7 +191,7 @@ fn every_currency_is_named_and_the_limit_that_binds() {
         .with_headroom(0.3);
     let selection = changed(active(Outcome::Met), |it| it.binding = Some(Limit::FrameTime));
     let facts = Facts { budget: Some(&budget), selection: Some(&selection), ..Default::default() };
-    let text = facts.summary(Detail::Full);
+    let text = facts.summary();
     assert!(
         text.starts_with(
             "budget    error 0.0200, 250.0 mJ a frame, 16.0 ms, battery until 120.0 min, headroom 30 %\n"
@@ -216,12 +208,10 @@ fn knobs_have_level_label_and_target() {
     let settings = KnobSettings { space: Arc::new(testing::space()), settings: at(2, 1) };
     let facts =
         Facts { selection: Some(&selection), settings: Some(&settings), ..Default::default() };
-    assert_eq!(facts.knobs(Detail::Full), "samples   3/5  8 > 32\nscale     2/3  0.75");
-    assert_eq!(facts.knobs(Detail::Medium), "samples 8 > 32, scale 0.75");
-    assert_eq!(facts.knobs(Detail::Brief), "");
+    assert_eq!(facts.knobs(), "samples   3/5  8 > 32\nscale     2/3  0.75");
     // Before the first decision, and where the controller is off, the target means nothing.
     let facts = Facts { selection: None, ..facts };
-    assert_eq!(facts.knobs(Detail::Medium), "samples 8, scale 0.75");
+    assert_eq!(facts.knobs(), "samples   3/5  8\nscale     2/3  0.75");
 }
 
 #[test]
@@ -240,17 +230,5 @@ fn a_caption_has_the_watts_of_the_meter() {
     assert_eq!(
         caption(Some(&testing::frontier(1.0)), correction),
         "3 points, 3.00..9.00 W, error 0.200..0.000"
-    );
-}
-
-#[test]
-fn small_panels_show_less() {
-    let of = |x, y| Detail::of(Some(Vec2::new(x, y)));
-    assert_eq!(Detail::of(None), Detail::Full);
-    assert_eq!([of(1920.0, 1080.0), of(640.0, 360.0)], [Detail::Full; 2]);
-    assert_eq!(of(320.0, 360.0), Detail::Medium);
-    assert_eq!(
-        [of(320.0, 180.0), of(0.0, 0.0), of(f32::NAN, 900.0), of(-1.0, 1e9)],
-        [Detail::Brief; 4]
     );
 }

@@ -16,7 +16,7 @@ use bevy_frugal_gi::control::Selection;
 use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::resolution::ResolutionScale;
 
-use super::settings::{HudPart, UiCamera};
+use super::{HudPart, UiCamera};
 
 const BORDER: Color = Color::srgb(1.0, 0.9, 0.2);
 

@@ -39,11 +39,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bevy::camera::{Camera, CameraUpdateSystems, Projection};
-use bevy::ecs::schedule::common_conditions::resource_exists;
+use bevy::camera::CameraUpdateSystems;
 use bevy::prelude::*;
-use bevy::time::Real;
-use bevy::transform::TransformSystems;
 use bevy_frugal_gi::frontier::{CameraView, camera_view};
 
 use crate::row_log::{Row, RowLog, RowLogError, is_on_stage, read_rows};
