@@ -104,7 +104,7 @@ impl Common<'_> {
         // Every frontier includes the device's idle power; a meter's offset takes that into account.
         let is_metered = self.feedback.correction != PowerCorrection::default();
         let counted_again = if is_metered { 0.0 } else { frames.len() as f64 - 1.0 };
-        let idle = frames.last().and_then(|frame| frame.terms.store.conditions()).map(|it| it.idle);
+        let idle = frames.last().and_then(|frame| frame.given.store.conditions()).map(|it| it.idle);
         let stored = self.feedback.mean_correction.uncorrected(limit)
             + idle.unwrap_or(Watts(0.0)) * counted_again;
         let mut sum = Curve::default();
@@ -227,8 +227,8 @@ fn raise<'a>(
 /// The highest level of each shared knob that a camera asks for, with the number of the first camera
 /// that shares knobs. `None` where none does.
 fn wanted<'a>(frames: &[Frame<'a>]) -> Option<(usize, Agreement<'a>)> {
-    let first = frames.iter().position(|frame| frame.terms.store.shared_levels().is_some())?;
-    let shared = frames[first].terms.store.shared_levels()?;
+    let first = frames.iter().position(|frame| frame.given.store.shared_levels().is_some())?;
+    let shared = frames[first].given.store.shared_levels()?;
     let same = frames.iter().filter(|frame| same_space(&frames[first].space, &frame.space));
     let levels = same
         .fold(KnobLevels::default(), |levels, frame| shared.highest(levels, frame.choice.settings));
@@ -243,7 +243,7 @@ fn take(
     is_kept: bool,
     correction: PowerCorrection,
 ) {
-    let (choice, limits) = (&mut frame.choice, &mut frame.terms.limits);
+    let (choice, limits) = (&mut frame.choice, &mut frame.limits);
     let is_other = settings != choice.settings;
     if has_app_limit && (is_other || !is_kept) {
         choice.binding = Some(Limit::AppBudget);
@@ -267,11 +267,11 @@ mod tests {
     use std::borrow::Cow;
     use std::sync::Arc;
 
-    use frugal_core::control::{Limits, Terms};
+    use frugal_core::control::Limits;
     use frugal_core::testing;
 
     use super::*;
-    use crate::control::{Budget, ControlSettings, ErrorFeedback, select};
+    use crate::control::{ControlSettings, ErrorFeedback, Inputs, select};
     use crate::frontier::{Frontier, FrontierStore, SampleRef};
 
     /// Numbers from 0 to 1, the same in every run (xorshift, Marsaglia 2003).
@@ -312,14 +312,15 @@ mod tests {
     fn one_rate_is_near_the_best_division() {
         let (map, mut random) = (testing::map(0), Random(0x9e37_79b9_7f4a_7c15));
         let found = map.look_up(&testing::view()).expect("a frontier");
-        let terms = Terms {
+        let given = Inputs {
             store: &map,
-            limits: Limits::default(),
+            view: testing::view(),
+            budget: Budget::default(),
             current: None,
             correction: PowerCorrection::default(),
             mean_correction: PowerCorrection::default(),
             errors: ErrorFeedback::default(),
-            settings: &ControlSettings::default(),
+            settings: ControlSettings::default(),
             delta_seconds: 0.0,
         };
         for (cameras, points, sets, most_above) in
@@ -334,7 +335,8 @@ mod tests {
                     .map(|frontier| Frame {
                         weight: 1.0,
                         has_moved: false,
-                        terms,
+                        given,
+                        limits: Limits::default(),
                         space: Arc::new(map.knobs.clone()),
                         found: SampleRef { frontier, ..found },
                         frontier: Cow::Borrowed(frontier),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use frugal_core::control::{
-    FrameKind, FrameRate, Observed, RateTracker, RatedAt, SignalModel, Terms, resolve,
+    FrameKind, FrameRate, Observed, RateTracker, RatedAt, SignalModel, resolve,
 };
 use smallvec::SmallVec;
 
@@ -16,8 +16,8 @@ use super::frame::{Controlled, ControlledItem, Frame, same_space, weight_of};
 use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
 use super::power_feedback::FeedbackState;
 use super::{
-    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, FrontierSource, Limit, OffReason,
-    PowerController, PowerFeedback, Selection, SettingsFilter,
+    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, FrontierSource, Inputs, Limit,
+    OffReason, PowerController, PowerFeedback, Selection, SettingsFilter,
 };
 use crate::frontier::{
     AppConditions, CameraView, Conditions, CostPoint, Frontier, FrontierMap, MapFit, Misfit,
@@ -148,17 +148,19 @@ impl Common<'_> {
         filter.observe_view(&view, self.time.delta_secs_f64());
         // Levels of another knob space do not apply to this one.
         let knobs = camera.knobs.as_ref().filter(|knobs| same_space(&knobs.space, &space));
-        let terms = Terms {
+        let given = Inputs {
             store,
-            limits,
+            view,
+            budget,
+            delta_seconds: self.time.delta_secs_f64(),
             current: knobs.map(|knobs| knobs.settings),
             correction: self.feedback.per_camera(),
             mean_correction: self.feedback.mean_per_camera(),
             errors: *camera.errors,
-            settings: &self.settings,
-            delta_seconds: self.time.delta_secs_f64(),
+            settings: *self.settings,
         };
-        let choice = frontier.as_ref().and_then(|frontier| terms.choose(frontier, rates, filter));
+        let choice =
+            frontier.as_ref().and_then(|frontier| given.choose(&limits, frontier, rates, filter));
         let has_moved = filter.has_moved() && !rates.is_instant();
         let (Some(found), Some(frontier), Some(mut choice)) = (found, frontier, choice) else {
             let refusal = refuse(logged, OffReason::NothingKnown, || {
@@ -174,11 +176,12 @@ impl Common<'_> {
             choice.binding = Some(Limit::KnobBounds);
         }
         let weight = weight_of(camera.camera, camera.priority);
-        let stored = terms.stored();
+        let stored = given.stored(&limits);
         let could_stay = [stored.power, stored.peak].into_iter().flatten();
         let could_stay = could_stay.map(|limit| limit.0).fold(f64::INFINITY, f64::min);
         let most = if has_moved { choice.most.power } else { Watts(could_stay) };
-        Ok(Frame { weight, has_moved, terms, space, found, frontier, choice, most, agreed: None })
+        let agreed = None;
+        Ok(Frame { weight, has_moved, given, limits, space, found, frontier, choice, most, agreed })
     }
 
     /// How well the camera's map fits the app.
@@ -238,13 +241,13 @@ impl Common<'_> {
         frame: Frame<'_>,
         commands: &mut Commands,
     ) -> Watts {
-        let Frame { terms, space, found, choice, agreed, .. } = frame;
+        let Frame { given, limits, space, found, choice, agreed, .. } = frame;
         let charge =
             |settings| agreed.as_ref().map_or(Watts(0.0), |agreed| agreed.charge(settings));
         // Both advance every frame without a change for others to detect.
         let filter = camera.filter.bypass_change_detection();
         let rates = camera.rates.bypass_change_detection();
-        let decisions = terms.switch(found, &choice, charge, filter, rates);
+        let decisions = given.switch(&limits, found, &choice, charge, filter, rates);
         camera.state.bypass_change_detection().predicted = Some(decisions.uncorrected);
         write_selection(
             commands,

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
-use frugal_core::control::{RateTracker, Terms};
+use frugal_core::control::{Limits, RateTracker};
 
 use super::components::CameraState;
 use super::{
-    Budget, CameraPriority, Choice, ErrorFeedback, FrontierSource, KnobBounds, PowerController,
-    Selection, SettingsFilter,
+    Budget, CameraPriority, Choice, ErrorFeedback, FrontierSource, Inputs, KnobBounds,
+    PowerController, Selection, SettingsFilter,
 };
 use crate::cut::CameraCut;
 use crate::frontier::{Frontier, MapFit, SampleRef, SharedLevels};
@@ -48,7 +48,9 @@ pub(super) struct Frame<'a> {
     pub(super) weight: f64,
     /// Whether its view has moved since its target changed last.
     pub(super) has_moved: bool,
-    pub(super) terms: Terms<'a>,
+    pub(super) given: Inputs<'a>,
+    /// In the watts of the app's meter.
+    pub(super) limits: Limits,
     pub(super) space: Arc<KnobSpace>,
     /// The sample camera, and the frontier in play.
     pub(super) found: SampleRef<'a>,

@@ -1,9 +1,9 @@
-//! The limits of a camera, as the app gives them.
+//! What an app sets of the controller: the limits of a camera, and times of transitions.
 
 use std::time::Duration;
 
 #[cfg(feature = "bevy")]
-use bevy_ecs::reflect::ReflectComponent;
+use bevy_ecs::reflect::{ReflectComponent, ReflectResource};
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 
@@ -205,55 +205,94 @@ impl Budget {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Settings of the controller, for all cameras. Times are real time: [`Duration::ZERO`] switches at
+/// once, [`Duration::MAX`] never.
+///
+/// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect),
+    reflect(Resource, Default, Clone, Debug, PartialEq)
+)]
+pub struct ControlSettings {
+    /// Duration of every transition except a fall under a power limit. Higher values change quality
+    /// more gradually and follow the view later, which costs power under an error limit; lower
+    /// values follow sooner and change quality more visibly. Default: 1 s; Wang et al. 2016, equation
+    /// 3.8, use 2 s.
+    pub transition: Duration,
+    /// Duration of a fall to cheaper settings under a power limit. Lower values end an excess over
+    /// the limit sooner and change quality more visibly; higher values change it more gradually and
+    /// exceed the limit for longer. Default: 0.5 s.
+    pub fall: Duration,
+    /// Shortest time between two changes of the target. It ends early when the budget cannot bear
+    /// the present target, with another budget, and at a cut. Higher values change quality less
+    /// often and follow views less closely. Default: 1 s.
+    pub dwell: Duration,
+    /// Whether the app's meter corrects predicted power: a measured one, or the modelled one that the
+    /// map was made with. Default: true.
+    pub power_feedback: bool,
+}
 
-    fn refused(budget: Budget) -> &'static str {
-        budget.validate().expect_err("an invalid limit").limit
-    }
+impl ControlSettings {
+    /// Default of [`transition`](Self::transition).
+    pub const TRANSITION: Duration = Duration::from_secs(1);
 
-    #[test]
-    fn zero_and_infinity_are_valid_limits_nan_and_negative_numbers_are_not() {
-        for limit in [0.0, -0.0, 1e-300, 7.0, f64::INFINITY] {
-            assert_eq!(Budget::power(Watts(limit)).validate(), Ok(()));
-            assert_eq!(Budget::error(limit).validate(), Ok(()));
-            assert_eq!(Budget::default().with_peak(Watts(limit)).validate(), Ok(()));
-            assert_eq!(Budget::both(Watts(limit), limit).validate(), Ok(()));
+    /// Transition times under `budget`. An infinite limit counts as none. With two limits the power
+    /// limit decides, as it does where they conflict. An error limit alone applies to the mean, so
+    /// neither direction is more urgent.
+    pub fn times(&self, budget: &Budget) -> TransitionTimes {
+        if budget.power.is_some_and(|limit| limit.0 < f64::INFINITY) {
+            TransitionTimes { rise: self.transition, fall: self.fall }
+        } else {
+            TransitionTimes::both(self.transition)
         }
-        for limit in [f64::NAN, -1e-300, -7.0, f64::NEG_INFINITY] {
-            assert_eq!(refused(Budget::power(Watts(limit))), "power budget");
-            assert_eq!(refused(Budget::error(limit)), "error budget");
-            assert_eq!(refused(Budget::default().with_peak(Watts(limit))), "peak");
-            assert_eq!(refused(Budget::both(Watts(1.0), limit)), "error budget");
-        }
-        assert_eq!(Budget::default().validate(), Ok(()));
-    }
-
-    #[test]
-    fn limits_of_other_currencies_are_checked_too() {
-        let none = Budget::default();
-        for energy in [0.0, 0.2, f64::INFINITY] {
-            assert_eq!(none.with_energy_per_frame(Joules(energy)).validate(), Ok(()));
-        }
-        for odd in [f64::NAN, -0.1, f64::NEG_INFINITY] {
-            assert_eq!(refused(none.with_energy_per_frame(Joules(odd))), "energy budget");
-            assert_eq!(refused(none.with_headroom(odd)), "thermal headroom");
-        }
-        assert!(none.with_headroom(1.1).validate().is_err());
-        for share in [0.0, 0.3, 1.0] {
-            assert_eq!(none.with_headroom(share).validate(), Ok(()));
-        }
-        let all = Budget::both(Watts(7.0), 0.02)
-            .with_frame_time(Duration::ZERO)
-            .with_battery_until(Duration::MAX);
-        assert_eq!((all.validate(), all.power, all.error), (Ok(()), Some(Watts(7.0)), Some(0.02)));
-    }
-
-    #[test]
-    fn the_message_tells_the_value_and_the_remedy() {
-        let message =
-            Budget::power(Watts(-2.0)).validate().expect_err("a negative budget").to_string();
-        assert!(message.contains("-2 W") && message.contains("0 or more"), "{message}");
     }
 }
+
+impl Default for ControlSettings {
+    fn default() -> Self {
+        Self {
+            transition: Self::TRANSITION,
+            fall: Duration::from_millis(500),
+            dwell: Duration::from_secs(1),
+            power_feedback: true,
+        }
+    }
+}
+
+/// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
+/// saves power, rising reduces error.
+///
+/// Higher values change quality more gradually and take longer to end an excess over the budget.
+/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransitionTimes {
+    /// To a more expensive level. Lower values raise quality sooner and more visibly; higher values
+    /// save power during the transition.
+    pub rise: Duration,
+    /// To a cheaper level. Lower values reduce power sooner and more visibly; higher values keep
+    /// quality, at its power, during the transition.
+    pub fall: Duration,
+}
+
+impl TransitionTimes {
+    /// `time` in both directions, as in the closed form of Wang et al.
+    pub const fn both(time: Duration) -> Self {
+        Self { rise: time, fall: time }
+    }
+
+    /// Fraction of a transition in `delta_seconds`, 0 to 1, for a knob with `remaining` levels to
+    /// go.
+    pub(super) fn fraction(self, delta_seconds: f64, remaining: f64) -> f64 {
+        match if remaining > 0.0 { self.rise } else { self.fall } {
+            Duration::ZERO => 1.0,
+            Duration::MAX => 0.0,
+            time => (delta_seconds / time.as_secs_f64()).min(1.0),
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "budget_tests.rs"]
+mod tests;

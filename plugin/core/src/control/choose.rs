@@ -1,5 +1,6 @@
-//! A frame's choice on the frontier of its view, at the exchange rate that a budget allows, and its dwell:
-//! how long a target stays before another takes its place.
+//! A frame's choice on the frontier of its view, within limits (Wang et al. 2016, equations 3.2 and 3.3)
+//! or at the exchange rate that a budget allows, and its dwell: how long a target stays before another
+//! takes its place.
 //!
 //! A change of settings is visible, a brief gain is not. So a target stays for a least time, and
 //! then until another is worth the change, unless the budget cannot bear it. The first change after
@@ -9,11 +10,95 @@ use glam::Vec3;
 
 use super::limits::Limits;
 use super::rate::Rate;
-use super::select::select_within;
-use super::{Choice, Limit, Outcome};
+use super::{Budget, Limit};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 use crate::units::Watts;
+
+/// Whether the budget is met, and the fallback where it is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "bevy", derive(bevy_reflect::Reflect))]
+pub enum Outcome {
+    /// Every limit is met.
+    Met,
+    /// The selected settings meet the budget; the applied ones, on the way to them, do not yet.
+    /// Never the outcome of a [`Choice`].
+    Settling,
+    /// Even the cheapest settings exceed the power limit; they are selected, whatever their error.
+    PowerCannotBeMet,
+    /// Even the best settings exceed the error limit; they are selected, as the power limit allows
+    /// them.
+    ErrorCannotBeMet,
+    /// No settings meet both limits; the least error within the power limit is selected, above the
+    /// error limit.
+    LimitedByPower,
+}
+
+/// The selected point of a frontier.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Choice {
+    /// The settings.
+    pub settings: KnobLevels,
+    /// Predicted power and error at the sample camera.
+    pub cost: CostPoint,
+    /// Whether the budget is met.
+    pub outcome: Outcome,
+    /// What keeps the settings from being better; `None` where nothing does.
+    pub binding: Option<Limit>,
+    /// The power and the error that the budget can bear for the time that settings are held.
+    pub most: CostPoint,
+    /// The exchange rate λ by which other settings are compared with these, watts per unit of error:
+    /// infinity compares errors alone, and 0 powers.
+    pub watts_per_error: f64,
+}
+
+/// Selects the point of `frontier` for `budget`. `None` where the frontier is empty or the budget
+/// is [invalid](Budget::validate). Source: Wang et al. 2016, equations 3.2 and 3.3.
+///
+/// The limits hold for this frame alone: for means over a horizon, see [`Inputs::choose`](super::Inputs::choose).
+///
+/// Every point meets an infinite limit: an infinite power limit selects the best settings, an
+/// infinite error limit the cheapest. No limit selects the best settings. On a frontier each
+/// additional watt reduces the error, so no power is wasted.
+pub fn select(frontier: &Frontier, budget: &Budget) -> Option<Choice> {
+    select_within(frontier, &budget.limits().ok()?)
+}
+
+/// The same within limits that are valid. `None` where the frontier is empty.
+fn select_within(frontier: &Frontier, limits: &Limits) -> Option<Choice> {
+    let cheapest = frontier.points().first()?;
+    let best = frontier.points().last()?;
+    let choice = |point: &FrontierPoint, outcome| {
+        let most = CostPoint::new(f64::INFINITY, f64::INFINITY);
+        let (settings, cost, binding) = (point.settings, point.cost, None);
+        Some(Choice { settings, cost, outcome, binding, most, watts_per_error: f64::INFINITY })
+    };
+    match (limits.power, limits.error) {
+        (None, None) => choice(best, Outcome::Met),
+        (None, Some(limit)) => match frontier.least_power_within(limit) {
+            Some(point) => choice(point, Outcome::Met),
+            None => choice(best, Outcome::ErrorCannotBeMet),
+        },
+        (Some(limit), None) => match frontier.least_error_within(limit) {
+            Some(point) => choice(point, Outcome::Met),
+            None => choice(cheapest, Outcome::PowerCannotBeMet),
+        },
+        (Some(limit), Some(error)) => {
+            let alone = select(frontier, &Budget::error(error))?;
+            if alone.cost.power <= limit {
+                return Some(alone);
+            }
+            // More power than the error limit asks for is above the power limit: all within it is
+            // used.
+            match frontier.least_error_within(limit) {
+                Some(point) if point.cost.error <= error => choice(point, Outcome::Met),
+                Some(point) => choice(point, Outcome::LimitedByPower),
+                None => choice(cheapest, Outcome::PowerCannotBeMet),
+            }
+        }
+    }
+}
 
 /// The settings of `frontier` with the least power + λ × error, among those that the budget can bear for
 /// the time that settings are held. `None` where the frontier is empty. `limits` are in the watts of the
@@ -22,7 +107,7 @@ use crate::units::Watts;
 /// If `may_spend` is false, the best settings that the budget can bear for good. That is where the
 /// view has not moved since the last switch, since settings that alternate in a still view are
 /// seen, or where the horizon is too short for a mean.
-pub fn choose(
+pub(super) fn choose(
     frontier: &Frontier,
     limits: &Limits,
     rate: &Rate,

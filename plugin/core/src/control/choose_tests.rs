@@ -1,7 +1,8 @@
 //! Tests of a frame's choice.
 
+use proptest::prelude::*;
+
 use super::*;
-use crate::control::Budget;
 use crate::testing;
 
 fn limits(budget: Budget) -> Limits {
@@ -174,4 +175,118 @@ fn a_view_moves_by_distance_or_angle_and_rests_at_a_change() {
     dwell.see((Vec3::ZERO, Vec3::NEG_Z));
     dwell.see((Vec3::ZERO, Vec3::new(0.1, 0.0, -1.0).normalize()));
     assert!(dwell.has_moved, "turned");
+}
+
+fn picked(budget: Budget) -> Option<(f64, Outcome)> {
+    // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0.
+    select(&testing::frontier(1.0), &budget).map(|choice| (choice.cost.power.0, choice.outcome))
+}
+
+#[test]
+fn a_power_limit_selects_the_least_error() {
+    assert_eq!(picked(Budget::power(Watts(1.0))), Some((1.0, Outcome::Met)));
+    assert_eq!(picked(Budget::power(Watts(3.999))), Some((2.0, Outcome::Met)));
+    assert_eq!(picked(Budget::power(Watts(f64::INFINITY))), Some((4.0, Outcome::Met)));
+    assert_eq!(picked(Budget::power(Watts(0.0))), Some((1.0, Outcome::PowerCannotBeMet)));
+    assert_eq!(picked(Budget::power(Watts(0.999))), Some((1.0, Outcome::PowerCannotBeMet)));
+}
+
+#[test]
+fn an_error_limit_selects_the_least_power() {
+    assert_eq!(picked(Budget::error(0.0)), Some((4.0, Outcome::Met)));
+    assert_eq!(picked(Budget::error(0.05)), Some((2.0, Outcome::Met)));
+    assert_eq!(picked(Budget::error(0.199)), Some((2.0, Outcome::Met)));
+    assert_eq!(picked(Budget::error(f64::INFINITY)), Some((1.0, Outcome::Met)));
+    let never_exact = Frontier::from_points(testing::frontier(1.0).points()[..2].iter().copied());
+    let choice = select(&never_exact, &Budget::error(0.01)).expect("a choice");
+    assert_eq!((choice.cost.power.0, choice.outcome), (2.0, Outcome::ErrorCannotBeMet));
+}
+
+#[test]
+fn power_takes_priority_over_error() {
+    assert_eq!(picked(Budget::both(Watts(3.0), 0.1)), Some((2.0, Outcome::Met)));
+    assert_eq!(
+        picked(Budget::both(Watts(9.0), 0.1)),
+        Some((2.0, Outcome::Met)),
+        "no more power than the error limit asks for"
+    );
+    assert_eq!(picked(Budget::both(Watts(1.5), 0.1)), Some((1.0, Outcome::LimitedByPower)));
+    assert_eq!(picked(Budget::both(Watts(0.5), 0.3)), Some((1.0, Outcome::PowerCannotBeMet)));
+    assert_eq!(
+        picked(Budget::both(Watts(f64::INFINITY), f64::INFINITY)),
+        Some((1.0, Outcome::Met))
+    );
+    for error in [0.0, 0.02, 0.1, 0.2, 1.0, f64::INFINITY] {
+        assert_eq!(
+            picked(Budget::both(Watts(f64::INFINITY), error)),
+            picked(Budget::error(error)),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn no_limit_selects_the_best_and_an_invalid_limit_nothing() {
+    assert_eq!(picked(Budget::default()), Some((4.0, Outcome::Met)));
+    for limit in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+        assert_eq!(picked(Budget::power(Watts(limit))), None);
+        assert_eq!(picked(Budget::error(limit)), None);
+    }
+    assert_eq!(select(&Frontier::default(), &Budget::power(Watts(1.0))), None);
+}
+
+fn any_frontier() -> impl Strategy<Value = Frontier> {
+    prop::collection::vec((0.0..20.0_f64, 0.0..1.0_f64), 1..60).prop_map(|costs| {
+        Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| {
+            FrontierPoint {
+                settings: KnobLevels::from_bits(bits as u128),
+                cost: CostPoint::new(*power, *error),
+            }
+        }))
+    })
+}
+
+proptest! {
+    #[test]
+    fn more_power_never_gives_more_error(frontier in any_frontier(), a in 0.0..25.0_f64, b in 0.0..25.0_f64, error in prop::option::of(0.0..1.0_f64)) {
+        let at = |power: f64| select(&frontier, &Budget::new(Some(Watts(power)), error)).expect("a choice");
+        let (less, more) = (at(a.min(b)), at(a.max(b)));
+        prop_assert!(more.cost.error <= less.cost.error && more.cost.power >= less.cost.power);
+    }
+
+    #[test]
+    fn a_higher_error_limit_never_takes_more_power(frontier in any_frontier(), a in 0.0..1.5_f64, b in 0.0..1.5_f64) {
+        let at = |error: f64| select(&frontier, &Budget::error(error)).expect("a choice");
+        prop_assert!(at(a.max(b)).cost.power <= at(a.min(b)).cost.power);
+    }
+
+    #[test]
+    fn nothing_within_the_budget_is_better(frontier in any_frontier(), power in prop::option::of(0.0..25.0_f64), error in prop::option::of(0.0..1.5_f64)) {
+        let budget = Budget::new(power.map(Watts), error);
+        let choice = select(&frontier, &budget).expect("a choice");
+        prop_assert_eq!(select(&frontier, &budget), Some(choice));
+        let fits_power = |cost: CostPoint| power.is_none_or(|limit| cost.power.0 <= limit);
+        let fits_error = |cost: CostPoint| error.is_none_or(|limit| cost.error <= limit);
+        for point in frontier.points() {
+            let cost = point.cost;
+            prop_assert!(!cost.dominates(choice.cost));
+            match choice.outcome {
+                Outcome::Met => {
+                    prop_assert!(fits_power(choice.cost) && fits_error(choice.cost));
+                    if error.is_none() {
+                        prop_assert!(!fits_power(cost) || cost.error >= choice.cost.error);
+                    } else {
+                        prop_assert!(
+                            !(fits_power(cost) && fits_error(cost))
+                                || cost.power >= choice.cost.power
+                        );
+                    }
+                }
+                Outcome::Settling => prop_assert!(false, "a choice is never settling"),
+                Outcome::PowerCannotBeMet => prop_assert!(!fits_power(cost) && cost.power >= choice.cost.power),
+                Outcome::ErrorCannotBeMet => prop_assert!(!fits_error(cost) && cost.error >= choice.cost.error),
+                Outcome::LimitedByPower => prop_assert!(!(fits_power(cost) && fits_error(cost)) && fits_power(choice.cost)),
+            }
+        }
+    }
 }

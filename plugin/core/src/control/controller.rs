@@ -71,67 +71,38 @@ impl CameraController {
         let limits = inputs.budget.limits().ok()?;
         let found = inputs.store.look_up(&inputs.view)?;
         self.filter.observe_view(&inputs.view, inputs.delta_seconds);
-        let terms = Terms {
-            store: inputs.store,
-            limits,
-            current: inputs.current,
-            correction: inputs.correction,
-            mean_correction: inputs.mean_correction,
-            errors: inputs.errors,
-            settings: &inputs.settings,
-            delta_seconds: inputs.delta_seconds,
-        };
-        let choice = terms.choose(found.frontier, &mut self.rates, &mut self.filter)?;
-        Some(terms.switch(found, &choice, |_| Watts(0.0), &mut self.filter, &mut self.rates))
+        let choice = inputs.choose(&limits, found.frontier, &mut self.rates, &mut self.filter)?;
+        let (filter, rates) = (&mut self.filter, &mut self.rates);
+        Some(inputs.switch(&limits, found, &choice, |_| Watts(0.0), filter, rates))
     }
 }
 
-/// What a frame's choice, and the step towards it, depend on beside the frontier.
-#[derive(Clone, Copy)]
-pub struct Terms<'a> {
-    /// The frontiers.
-    pub store: &'a dyn FrontierStore,
-    /// In the watts of the app's meter.
-    pub limits: Limits,
-    /// As in [`Inputs`], like all the following.
-    pub current: Option<KnobLevels>,
-    /// From the store's watts to those of the app's meter.
-    pub correction: PowerCorrection,
-    /// The same for a mean over the horizon.
-    pub mean_correction: PowerCorrection,
-    /// From the store's errors to those measured.
-    pub errors: ErrorFeedback,
-    /// Transition times, and how long settings are held.
-    pub settings: &'a ControlSettings,
-    /// Duration of the frame, seconds.
-    pub delta_seconds: f64,
-}
-
-impl Terms<'_> {
-    /// The limits in the store's terms.
-    pub fn stored(&self) -> Limits {
+impl Inputs<'_> {
+    /// Limits in the watts of the app's meter, in the store's terms.
+    pub fn stored(&self, limits: &Limits) -> Limits {
         let target =
             |budget| self.errors.target(budget, self.store.error_target(budget)).unwrap_or(budget);
-        let of_mean = self.limits.horizon >= MIN_HORIZON;
+        let of_mean = limits.horizon >= MIN_HORIZON;
         let correction = if of_mean { self.mean_correction } else { self.correction };
         Limits {
-            power: self.limits.uncorrected(correction).power,
-            error: self.limits.error.map(target),
-            ..self.limits.uncorrected(self.correction)
+            power: limits.uncorrected(correction).power,
+            error: limits.error.map(target),
+            ..limits.uncorrected(self.correction)
         }
     }
 
-    /// The choice in a view of `frontier`, at the exchange rate that the budget allows. Another budget
-    /// begins anew. `None` where the frontier is empty.
+    /// The choice within `limits` in a view of `frontier`, at the exchange rate that the budget allows.
+    /// Other limits begin anew. `None` where the frontier is empty.
     pub fn choose(
         &self,
+        limits: &Limits,
         frontier: &Frontier,
         rates: &mut RateTracker,
         filter: &mut SettingsFilter,
     ) -> Option<Choice> {
-        let (given, stored) = (&self.limits, self.stored());
+        let stored = self.stored(limits);
         let watts = |power: Option<Watts>| power.map(|power| power.0);
-        if rates.begin(watts(given.power), given.error, given.horizon) {
+        if rates.begin(watts(limits.power), limits.error, limits.horizon) {
             filter.end_dwell();
         }
         if let Some(overall) = self.store.overall() {
@@ -147,6 +118,7 @@ impl Terms<'_> {
     /// store's watts; that of `choice` is included in its cost.
     pub fn switch(
         &self,
+        limits: &Limits,
         found: SampleRef<'_>,
         choice: &Choice,
         charge: impl Fn(KnobLevels) -> Watts,
@@ -177,8 +149,8 @@ impl Terms<'_> {
         });
         let held_cost = held_cost.filter(|_| target != choice.settings);
         let target_cost = held_cost.unwrap_or(choice.cost);
-        let limit = self.limits.peak.or(self.limits.power);
-        let times = self.settings.times(&Budget::new(limit, self.limits.error));
+        let limit = limits.peak.or(limits.power);
+        let times = self.settings.times(&Budget::new(limit, limits.error));
         let applied = filter.step(space, target, seconds, times);
         let cost =
             if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
@@ -188,7 +160,7 @@ impl Terms<'_> {
             sample: found.camera,
             target,
             applied,
-            outcome: outcome_of(&self.limits, choice.outcome, predicted, predicted_applied),
+            outcome: outcome_of(limits, choice.outcome, predicted, predicted_applied),
             predicted,
             predicted_applied,
             uncorrected: cost.power,

@@ -16,6 +16,8 @@
 //! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
 //! exceeded, and rise slowly when power is left over.
 
+use std::cmp::Ordering;
+
 use glam::Vec3;
 
 use super::TransitionTimes;
@@ -37,15 +39,6 @@ const MAX_STEP_SECONDS: f64 = 1e9;
 /// and fall times; up to two margins, the level comes to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
 
-/// Direction of a level's last change since its knob was at rest.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Change {
-    #[default]
-    None,
-    Up,
-    Down,
-}
-
 /// The transition of one knob.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Transition {
@@ -57,12 +50,13 @@ struct Transition {
     rate: f64,
     /// The applied level.
     level: u8,
-    last: Change,
+    /// Direction of its last change since the knob was at rest.
+    last: Option<Ordering>,
 }
 
 impl Transition {
     fn at_rest(level: u8) -> Self {
-        Self { position: f64::from(level), to: level, rate: 0.0, level, last: Change::None }
+        Self { position: f64::from(level), to: level, rate: 0.0, level, last: None }
     }
 
     /// Remaining levels; negative downwards.
@@ -89,25 +83,25 @@ impl Transition {
         let same_side = before * after > 0.0;
         self.rate = if same_side { self.rate.max(after.abs()) } else { after.abs() };
         if before == 0.0 {
-            self.last = Change::None;
+            self.last = None;
         }
     }
 
     /// Rounds the position as the closed form does, with hysteresis on reversals.
     fn round(&mut self) {
-        let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
-        let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
+        let margin = |taken_back| if self.last == Some(taken_back) { REVERSAL_MARGIN } else { 0.0 };
+        let (up, down) = (0.5 + margin(Ordering::Less), 0.5 + margin(Ordering::Greater));
         let offset = self.position - f64::from(self.level);
         // A tie rounds up, as in `f64::round`: positions are never negative.
         let change = if offset >= up {
-            Change::Up
+            Ordering::Greater
         } else if offset < -down {
-            Change::Down
+            Ordering::Less
         } else {
             return;
         };
         self.level = self.position.round() as u8;
-        self.last = change;
+        self.last = Some(change);
     }
 }
 

@@ -2,7 +2,7 @@
 //! selected settings, and what a meter and other signals teach.
 //!
 //! `budget` → `limits` (all as power and error) → `rate` (the exchange rate that spends them over
-//! the horizon) → `choose` (the least power + rate × error on a frontier; `select` where every
+//! the horizon) → `choose` (the least power + rate × error on a frontier; [`select`] where every
 //! frame keeps the limits) → [`agree`](crate::frontier::SharedLevels::agree) (levels that several
 //! cameras share) → `filter` (the way there). `correction`, `frame_rate`, `observed` and
 //! `error_feedback` learn how predicted watts and errors translate into measured ones, into seconds
@@ -20,12 +20,11 @@ mod frame_rate;
 mod limits;
 mod observed;
 mod rate;
-mod select;
-mod settings;
 
 pub use bounds::KnobBounds;
-pub use budget::{Budget, BudgetError, Limit};
-pub use controller::{CameraController, Decisions, Inputs, Terms};
+pub use budget::{Budget, BudgetError, ControlSettings, Limit, TransitionTimes};
+pub use choose::{Choice, Outcome, select};
+pub use controller::{CameraController, Decisions, Inputs};
 pub use correction::{PowerCorrection, PowerModel};
 pub use error_feedback::ErrorFeedback;
 pub use filter::SettingsFilter;
@@ -33,5 +32,3 @@ pub use frame_rate::{FrameKind, FrameRate, RatedAt};
 pub use limits::{Limits, resolve};
 pub use observed::{FrameSignals, Observed, SignalModel};
 pub use rate::{Curve, Rate, RateTracker};
-pub use select::{Choice, Outcome, select};
-pub use settings::{ControlSettings, TransitionTimes};

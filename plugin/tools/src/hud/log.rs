@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use bevy::prelude::*;
 use bevy_frugal_gi::control::SettingsSwitched;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
+use bevy_frugal_gi::knobs::{KnobSettings, KnobSpace};
 
 use super::HudSettings;
 use super::text::switch_line;
@@ -15,13 +15,10 @@ const MAX_ENTRIES: usize = 64;
 
 /// A transition of settings, so far.
 struct Entry {
-    camera: Entity,
+    switch: SettingsSwitched,
     /// When it began, in seconds since the app's start.
     seconds: f64,
     space: Arc<KnobSpace>,
-    from: KnobLevels,
-    to: KnobLevels,
-    target: KnobLevels,
 }
 
 /// Switches of all cameras, the latest last.
@@ -32,22 +29,20 @@ pub(super) struct SwitchLog {
 
 impl SwitchLog {
     /// Adds a switch. Steps on the way to one target are one entry.
-    fn add(&mut self, switch: &SettingsSwitched, space: &Arc<KnobSpace>, seconds: f64) {
-        let SettingsSwitched { camera, from, to, target } = *switch;
-        let last = self.entries.iter_mut().rev().find(|entry| entry.camera == camera);
-        if let Some(last) = last
-            && last.to == from
-            && last.target == target
-            && Arc::ptr_eq(&last.space, space)
+    fn add(&mut self, switch: SettingsSwitched, space: &Arc<KnobSpace>, seconds: f64) {
+        let is_its = |entry: &&mut Entry| entry.switch.camera == switch.camera;
+        if let Some(Entry { switch: last, space: known, .. }) =
+            self.entries.iter_mut().rev().find(is_its)
+            && (last.to, last.target) == (switch.from, switch.target)
+            && Arc::ptr_eq(known, space)
         {
-            last.to = to;
+            last.to = switch.to;
             return;
         }
         if self.entries.len() == MAX_ENTRIES {
             self.entries.pop_front();
         }
-        let space = Arc::clone(space);
-        self.entries.push_back(Entry { camera, seconds, space, from, to, target });
+        self.entries.push_back(Entry { switch, seconds, space: Arc::clone(space) });
     }
 
     /// The last `count` switches of a camera as lines, the latest first. Each names `knobs` knobs
@@ -58,10 +53,10 @@ impl SwitchLog {
         count: usize,
         knobs: usize,
     ) -> impl Iterator<Item = String> {
-        let own = self.entries.iter().rev().filter(move |entry| entry.camera == camera);
-        let line = move |entry: &Entry| {
-            let is_done = entry.to == entry.target;
-            switch_line(&entry.space, entry.seconds, (entry.from, entry.to), is_done, knobs)
+        let own = self.entries.iter().rev().filter(move |entry| entry.switch.camera == camera);
+        let line = move |Entry { switch, seconds, space }: &Entry| {
+            let is_done = switch.to == switch.target;
+            switch_line(space, *seconds, (switch.from, switch.to), is_done, knobs)
         };
         own.take(count).map(line)
     }
@@ -78,12 +73,14 @@ pub(super) fn record(
     if settings.visible
         && let Ok(knobs) = cameras.get(switch.camera)
     {
-        log.add(&switch, &knobs.space, time.map_or(0.0, |time| time.elapsed_secs_f64()));
+        log.add(*switch, &knobs.space, time.map_or(0.0, |time| time.elapsed_secs_f64()));
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use bevy_frugal_gi::knobs::KnobLevels;
+
     use super::*;
     use crate::testing;
 
@@ -108,12 +105,12 @@ mod tests {
             to: at(to),
             target: at(target),
         };
-        log.add(&step(0, 1, 2), &space, 1.0);
+        log.add(step(0, 1, 2), &space, 1.0);
         assert_eq!(lines(&log, camera, 9), "1.0 s  samples 0 > 4 ...");
-        log.add(&SettingsSwitched { camera: other, ..step(4, 3, 3) }, &space, 1.1);
-        log.add(&step(1, 2, 2), &space, 1.2);
+        log.add(SettingsSwitched { camera: other, ..step(4, 3, 3) }, &space, 1.1);
+        log.add(step(1, 2, 2), &space, 1.2);
         assert_eq!(lines(&log, camera, 9), "1.0 s  samples 0 > 8");
-        log.add(&step(2, 1, 1), &space, 2.0);
+        log.add(step(2, 1, 1), &space, 2.0);
         assert_eq!(lines(&log, camera, 9), "2.0 s  samples 8 > 4\n1.0 s  samples 0 > 8");
         assert_eq!(lines(&log, camera, 1), "2.0 s  samples 8 > 4");
         assert_eq!(lines(&log, other, 9), "1.1 s  samples 32 > 16");
@@ -126,7 +123,7 @@ mod tests {
         for second in 0..1000 {
             let (from, to) = (at(second % 2), at((second + 1) % 2));
             let switch = SettingsSwitched { camera, from, to, target: to };
-            log.add(&switch, &Arc::new(testing::space()), second as f64);
+            log.add(switch, &Arc::new(testing::space()), second as f64);
         }
         assert_eq!(log.entries.len(), MAX_ENTRIES);
         let last = log.lines(camera, 9, 1).next().expect("a line");
