@@ -19,11 +19,8 @@ use crate::knobs::{KnobLevels, KnobSpace};
 /// `Selection::status` says whether settings within the bounds meet the budget. Costs of settings
 /// that are on no frontier are interpolated; the app's power meter corrects them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
-    reflect(Component, Default, Clone, Debug, PartialEq)
-)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component, bevy_reflect::Reflect))]
+#[cfg_attr(feature = "bevy", reflect(Component, Default, Clone, Debug, PartialEq))]
 pub struct KnobBounds {
     /// The lowest and the highest level, by the knob's name.
     bounds: BTreeMap<String, (usize, usize)>,

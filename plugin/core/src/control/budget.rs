@@ -26,11 +26,8 @@ use crate::units::{Joules, Watts};
 /// signal. If values go missing, the last one holds for ten seconds. Then the controller assumes
 /// the worst: no headroom, and a battery that goes on discharging.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
-    reflect(Component, Default, Clone, Debug, PartialEq)
-)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component, bevy_reflect::Reflect))]
+#[cfg_attr(feature = "bevy", reflect(Component, Default, Clone, Debug, PartialEq))]
 #[non_exhaustive]
 pub struct Budget {
     /// Limit on the mean power, in watts; at least 0, infinity for no limit. While the app's meter
@@ -210,11 +207,8 @@ impl Budget {
 ///
 /// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect),
-    reflect(Resource, Default, Clone, Debug, PartialEq)
-)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect))]
+#[cfg_attr(feature = "bevy", reflect(Resource, Default, Clone, Debug, PartialEq))]
 pub struct ControlSettings {
     /// Duration of every transition except a fall under a power limit. Higher values change quality
     /// more gradually and follow the view later, which costs power under an error limit; lower

@@ -31,11 +31,8 @@ const MAX_RATIO: f64 = 8.0;
 /// How measured errors of a camera's frames compare with those that its map predicted. Without
 /// measurements the map's own calibration holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
-    reflect(Component, Default, Clone, Debug, PartialEq)
-)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component, bevy_reflect::Reflect))]
+#[cfg_attr(feature = "bevy", reflect(Component, Default, Clone, Debug, PartialEq))]
 pub struct ErrorFeedback {
     /// Sums of errors, 1 − SSIM, in which older ones fade.
     measured: f64,

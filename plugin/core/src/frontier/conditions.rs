@@ -28,11 +28,8 @@ pub struct Conditions<'a> {
 /// The scene that the app shows, for the comparison with a camera's map. Optional: without it the
 /// scenes are not compared.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect),
-    reflect(Resource, Default, Clone, Debug, PartialEq)
-)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect))]
+#[cfg_attr(feature = "bevy", reflect(Resource, Default, Clone, Debug, PartialEq))]
 pub struct ShownScene(pub SceneIdentity);
 
 /// What is known of the app that shows a camera; `None` is unknown.
@@ -51,11 +48,8 @@ pub struct AppConditions<'a> {
 /// How well a camera's map fits the app. Where it does not, predicted watts and errors are those of
 /// another image. Written by the controller, read-only for the app.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(
-    feature = "bevy",
-    derive(bevy_ecs::component::Component, bevy_reflect::Reflect),
-    reflect(Component, Default, Clone, Debug, PartialEq)
-)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component, bevy_reflect::Reflect))]
+#[cfg_attr(feature = "bevy", reflect(Component, Default, Clone, Debug, PartialEq))]
 pub struct MapFit {
     /// Whether the map was made for the scene of [`ShownScene`]; `None` while unknown.
     pub scene: Option<bool>,
