@@ -85,7 +85,5 @@ pub(super) fn write_settings(
         let from = knobs.settings;
         commands.trigger(SettingsSwitched { camera: camera.entity, from, to, target });
         *knobs = new();
-    } else if !Arc::ptr_eq(&knobs.space, space) {
-        knobs.bypass_change_detection().space = Arc::clone(space);
     }
 }

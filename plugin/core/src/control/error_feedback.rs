@@ -34,13 +34,9 @@ const MAX_RATIO: f64 = 8.0;
 #[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component, bevy_reflect::Reflect))]
 #[cfg_attr(feature = "bevy", reflect(Component, Default, Clone, Debug, PartialEq))]
 pub struct ErrorFeedback {
-    /// Sums of errors, 1 − SSIM, in which older ones fade.
-    measured: f64,
-    predicted: f64,
-    /// Sums of products of errors, faded alike: measured², measured × predicted, predicted².
-    products: [f64; 3],
-    /// Number of measurements, faded alike.
-    count: f64,
+    /// Sums in which older ones fade: measured and predicted errors, 1 − SSIM, their products measured²,
+    /// measured × predicted and predicted², and the number of measurements.
+    sums: [f64; 6],
 }
 
 impl ErrorFeedback {
@@ -52,26 +48,19 @@ impl ErrorFeedback {
             return;
         }
         // Reflection may write anything.
-        let sums = [self.measured, self.predicted, self.count];
-        if !sums.into_iter().chain(self.products).all(is_error) {
+        if !self.sums.into_iter().all(is_error) {
             *self = Self::default();
         }
-        let [squares, cross, of_predicted] = &mut self.products;
-        for (sum, value) in [
-            (&mut self.measured, measured),
-            (&mut self.predicted, predicted),
-            (squares, measured * measured),
-            (cross, measured * predicted),
-            (of_predicted, predicted * predicted),
-            (&mut self.count, 1.0),
-        ] {
+        let products = [measured * measured, measured * predicted, predicted * predicted];
+        let values = [measured, predicted].into_iter().chain(products).chain([1.0]);
+        for (sum, value) in self.sums.iter_mut().zip(values) {
             *sum = FADING * *sum + value;
         }
     }
 
     /// Number of measurements that count, 0 to 128; older ones count less.
     pub fn count(&self) -> f64 {
-        self.count
+        self.sums[5]
     }
 
     /// Mean predicted error at which the mean measured one meets `budget`. `calibrated`: the same by
@@ -79,17 +68,18 @@ impl ErrorFeedback {
     /// has none.
     pub fn target(&self, budget: f64, calibrated: Option<f64>) -> Option<f64> {
         let is_positive = |value: f64| value > 0.0 && value.is_finite();
-        if !is_positive(self.count) || !is_positive(self.predicted) || !is_positive(budget) {
+        let [measured, predicted, .., count] = self.sums;
+        if !is_positive(count) || !is_positive(predicted) || !is_positive(budget) {
             return calibrated;
         }
         let prior = calibrated.filter(|target| is_positive(*target)).map_or(1.0, |t| budget / t);
-        let mean = self.predicted / self.count;
+        let mean = predicted / count;
         // n measurements count (1 - f^n) / (1 - f), and what was there before them f^n.
-        let weight = PRIOR * (1.0 - self.count * (1.0 - FADING)).clamp(0.0, 1.0);
-        let ratio = (self.measured + weight * mean * prior) / (self.predicted + weight * mean);
+        let weight = PRIOR * (1.0 - count * (1.0 - FADING)).clamp(0.0, 1.0);
+        let ratio = (measured + weight * mean * prior) / (predicted + weight * mean);
         // The calibration has its own margin.
-        let share = self.count / (self.count + weight);
-        let margin = 1.0 + share * MARGIN * self.spread() / (self.count + weight).sqrt();
+        let share = count / (count + weight);
+        let margin = 1.0 + share * MARGIN * self.spread() / (count + weight).sqrt();
         Some(budget / (ratio * margin).clamp(MAX_RATIO.recip(), MAX_RATIO))
     }
 
@@ -97,13 +87,13 @@ impl ErrorFeedback {
     /// their mean, 0 or more: what the ratio is uncertain by (Cochran 1977, chapter 6). Averaged with
     /// the usual one, as few measurements say little of it.
     fn spread(&self) -> f64 {
-        let ratio = self.measured / self.predicted;
-        let [squares, cross, predicted] = self.products;
-        let residual = squares - 2.0 * ratio * cross + ratio * ratio * predicted;
-        let mean = self.measured / self.count;
+        let [measured, predicted, squares, cross, of_predicted, count] = self.sums;
+        let ratio = measured / predicted;
+        let residual = squares - 2.0 * ratio * cross + ratio * ratio * of_predicted;
+        let mean = measured / count;
         let usual = USUAL_COUNT * USUAL_SPREAD.powi(2);
         // Rounding may leave less than nothing.
-        let variance = (residual.max(0.0) / mean.powi(2) + usual) / (self.count + USUAL_COUNT);
+        let variance = (residual.max(0.0) / mean.powi(2) + usual) / (count + USUAL_COUNT);
         if variance.is_finite() { variance.sqrt() } else { USUAL_SPREAD }
     }
 }
@@ -183,8 +173,7 @@ mod tests {
             let target = feedback.target(0.02, Some(0.02)).unwrap();
             assert!((0.02 / MAX_RATIO..=0.02 * MAX_RATIO).contains(&target), "{target}");
         }
-        let mut broken =
-            ErrorFeedback { measured: f64::NAN, predicted: 1.0, count: 1.0, ..Default::default() };
+        let mut broken = ErrorFeedback { sums: [f64::NAN, 1.0, 0.0, 0.0, 0.0, 1.0] };
         broken.observe(0.01, 0.01);
         assert_eq!(broken.count(), 1.0);
     }

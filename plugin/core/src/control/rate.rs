@@ -103,15 +103,6 @@ static GRID: LazyLock<[f64; RATES]> = LazyLock::new(|| {
     std::array::from_fn(|number| FIRST_RATE * 10_f64.powf(number as f64 / PER_DECADE))
 });
 
-/// A window of the horizon that ends later.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Window {
-    /// Seconds until it ends.
-    seconds: f64,
-    /// By how much the quantity's sum may be beyond the budget's until then.
-    room: f64,
-}
-
 /// A limit of a mean, and how far a quantity is beyond it, now and at the ends of the horizon's parts.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Account {
@@ -152,8 +143,8 @@ impl Account {
     }
 
     /// The windows of the horizon that began with the budget or later, in which a share of the limit may
-    /// be exceeded.
-    fn windows(&self, tolerance: f64) -> impl Iterator<Item = Window> + '_ {
+    /// be exceeded: seconds until it ends, and by how much the sum may be beyond the limit's until then.
+    fn windows(&self, tolerance: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
         let (part, tolerance) =
             (self.horizon / PARTS as f64, tolerance * self.limit * self.horizon);
         (1..=PARTS).filter_map(move |ahead| {
@@ -161,13 +152,13 @@ impl Account {
             let seconds = ahead as f64 * part - self.since;
             // What was spent beyond the budget once is not the measure of what comes.
             let begun = self.past[begun % PARTS].min(0.0);
-            Some(Window { seconds: seconds.max(1e-6), room: begun + tolerance - self.now })
+            Some((seconds.max(1e-6), begun + tolerance - self.now))
         })
     }
 
     /// The most that may be spent for `hold` seconds, with `later` on average from then on, in every window.
     fn most(&self, hold: f64, later: f64, tolerance: f64) -> f64 {
-        let most = self.windows(tolerance).map(|Window { seconds, room }| {
+        let most = self.windows(tolerance).map(|(seconds, room)| {
             let held = seconds.min(hold.max(MIN_HOLD));
             (room + self.limit * seconds - later * (seconds - held)) / held
         });
@@ -177,14 +168,14 @@ impl Account {
     /// Whether a quantity of one number now that becomes another keeps every window. Made once for all
     /// rates that are tried.
     fn keeps(&self, tolerance: f64) -> impl Fn(f64, f64) -> bool {
-        let (mut windows, mut count) = ([(Window::default(), 0.0); PARTS], 0);
-        for window in self.windows(tolerance) {
-            let share = -(-window.seconds / VIEW_SECONDS).exp_m1() * VIEW_SECONDS;
-            (windows[count], count) = ((window, share), count + 1);
+        let (mut windows, mut count) = ([[0.0; 3]; PARTS], 0);
+        for (seconds, room) in self.windows(tolerance) {
+            let share = -(-seconds / VIEW_SECONDS).exp_m1() * VIEW_SECONDS;
+            (windows[count], count) = ([seconds, room, share], count + 1);
         }
         let limit = self.limit;
         move |view, mean| {
-            windows[..count].iter().all(|(Window { seconds, room }, share)| {
+            windows[..count].iter().all(|[seconds, room, share]| {
                 mean * seconds + (view - mean) * share - limit * seconds <= *room
             })
         }

@@ -226,8 +226,8 @@ fn power(metered: &MeteredPower) -> String {
         (_, Some(mean), Some(info)) => {
             format!("{}, {} ({})", watts(mean), info.provenance, info.name)
         }
-        (MeterState::Lost { reason }, ..) => format!("lost: {}", shortened(reason)),
-        (MeterState::Unavailable { reason }, ..) => format!("unknown: {}", shortened(reason)),
+        (MeterState::Lost { reason }, ..) => format!("lost: {reason}"),
+        (MeterState::Unavailable { reason }, ..) => format!("unknown: {reason}"),
         _ => "not yet".to_owned(),
     }
 }
@@ -264,17 +264,6 @@ fn words(name: &impl Debug) -> String {
         words.extend(letter.to_lowercase());
     }
     words
-}
-
-/// The first line of a reason, at most 60 characters of it.
-fn shortened(reason: &str) -> String {
-    const MAX_CHARS: usize = 60;
-    let line = reason.lines().next().unwrap_or_default();
-    let mut short: String = line.chars().take(MAX_CHARS).collect();
-    if short.len() < line.len() {
-        short += "...";
-    }
-    short
 }
 
 #[cfg(test)]
