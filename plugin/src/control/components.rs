@@ -6,7 +6,6 @@ use std::sync::Arc;
 use bevy::prelude::*;
 use frugal_core::control::{RateTracker, RatedAt};
 
-use super::power_feedback::Predicted;
 use super::{Budget, ErrorFeedback, KnobBounds, Limit, Outcome, SettingsFilter};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, Misfit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
@@ -115,14 +114,6 @@ pub(super) struct CameraState {
     pub(super) is_active: bool,
     /// How long each misfit has lasted, seconds; infinite once it was logged.
     pub(super) misfits: [f64; Misfit::ALL.len()],
-}
-
-impl CameraState {
-    /// What an active camera's map predicts.
-    pub(super) fn predicted(&self, fit: &MapFit) -> Option<Predicted> {
-        let Self { predicted: power, rated_at, is_active, .. } = *self;
-        is_active.then_some(Predicted { power, meter: fit.meter, rated_at })
-    }
 }
 
 /// One power limit for all active controlled cameras together, beside the limits of their own

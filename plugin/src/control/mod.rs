@@ -45,7 +45,7 @@ pub use components::{
 };
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use maps::frontier_in_play;
-use power_feedback::{FeedbackModel, sum};
+use power_feedback::{FeedbackModel, Predicted, sum};
 pub use power_feedback::{FeedbackState, PowerFeedback};
 
 /// When the controller runs.
@@ -148,7 +148,12 @@ fn observe_app(
     mut signals: ResMut<SignalModel>,
 ) {
     let delta_seconds = time.delta_secs_f64();
-    let active = cameras.iter().filter_map(|(state, fit)| state.predicted(fit));
+    let active = cameras.iter().filter(|(state, _)| state.is_active);
+    let active = active.map(|(state, fit)| Predicted {
+        power: state.predicted,
+        meter: fit.meter,
+        rated_at: state.rated_at,
+    });
     let predicted = sum(active.clone());
     rate.observe(delta_seconds, predicted);
     let new = model.observe(

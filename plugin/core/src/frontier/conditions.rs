@@ -139,19 +139,16 @@ impl MapFit {
 
     /// Whether `misfit` is known to be the case.
     pub fn has(&self, misfit: Misfit) -> bool {
-        let off =
-            |ratio: Option<f64>| ratio.is_some_and(|ratio| (ratio - 1.0).abs() > Self::TOLERANCE);
+        let exceeds = |off: Option<f64>, most: f64| off.is_some_and(|off| off.abs() > most);
+        let is_other =
+            |ratio: Option<f64>| exceeds(ratio.map(|ratio| ratio - 1.0), Self::TOLERANCE);
         match misfit {
             Misfit::Scene => self.scene == Some(false),
             Misfit::Meter => self.meter == Some(false),
-            Misfit::Size => off(self.pixels),
-            Misfit::FrameRate => off(self.frame_rate),
-            Misfit::FieldOfView => self
-                .field_of_view
-                .is_some_and(|difference| difference.abs() > Self::FIELD_OF_VIEW_TOLERANCE),
-            Misfit::Outside => {
-                self.outside.is_some_and(|distance| distance > Self::OUTSIDE_TOLERANCE)
-            }
+            Misfit::Size => is_other(self.pixels),
+            Misfit::FrameRate => is_other(self.frame_rate),
+            Misfit::FieldOfView => exceeds(self.field_of_view, Self::FIELD_OF_VIEW_TOLERANCE),
+            Misfit::Outside => exceeds(self.outside.map(f64::from), Self::OUTSIDE_TOLERANCE.into()),
         }
     }
 

@@ -169,24 +169,7 @@ pub(super) struct Sources<'w> {
     log: Res<'w, SwitchLog>,
 }
 
-/// Where a panel may be, in logical pixels of its camera's target.
-#[derive(Clone, Copy)]
-struct Place {
-    corner: Vec2,
-    /// Size of the place; `None` where it is unknown.
-    room: Option<Vec2>,
-}
-
-impl Place {
-    /// The part of the camera's viewport that is its own: the `number`-th of those that share it.
-    fn of(camera: &Camera, number: usize, sharing: usize) -> Self {
-        let room = camera.logical_viewport_size();
-        let room = room.map(|size| Vec2::new(size.x, size.y / sharing.max(1) as f32));
-        let below = room.map_or(0.0, |room| room.y * number as f32);
-        Self { corner: corner_of(camera) + Vec2::new(0.0, below), room }
-    }
-}
-
+/// Where a camera's viewport begins, in logical pixels of its target.
 fn corner_of(camera: &Camera) -> Vec2 {
     camera.logical_viewport_rect().map_or(Vec2::ZERO, |viewport| viewport.min)
 }
@@ -209,11 +192,12 @@ pub(super) fn write(
         let Ok(shown) = cameras.get(panel.camera) else { continue };
         // Cameras that share a corner have their panels one below the other.
         let corner = corner_of(shown.camera);
-        let number = corners.iter().filter(|other| **other == corner).count();
+        let above = corners.iter().filter(|other| **other == corner).count();
         let sharing = all.iter().filter(|other| corner_of(other.camera) == corner).count();
         corners.push(corner);
-        let place = Place::of(shown.camera, number, sharing);
-
+        let room = shown.camera.logical_viewport_size();
+        let room = room.map(|size| Vec2::new(size.x, size.y / sharing.max(1) as f32));
+        let top = corner.y + room.map_or(0.0, |room| room.y * above as f32);
         let id = shown.entity.to_string();
         let facts = Facts {
             name: (all.len() > 1).then(|| shown.name.map_or(id.as_str(), Name::as_str)),
@@ -224,8 +208,7 @@ pub(super) fn write(
             fit: shown.fit,
             settings: shown.settings,
             // Narrower, their lines would wrap.
-            effects: place
-                .room
+            effects: room
                 .is_none_or(|room| room.x >= EFFECTS_WIDTH)
                 .then(|| shown.effects(sources.maps.as_deref()))
                 .flatten(),
@@ -247,35 +230,26 @@ pub(super) fn write(
             }
         }
         let has_plot = shown.selection.is_some();
-        lay_out(&mut nodes, root, &panel, place, has_plot);
+        let mut change = |entity: Entity, change: &dyn Fn(&mut Node)| {
+            let Ok(mut node) = nodes.get_mut(entity) else { return };
+            let mut new = node.clone();
+            change(&mut new);
+            node.set_if_neq(new);
+        };
+        change(root, &|node| {
+            (node.left, node.top) = (px(corner.x), px(top));
+            if let Some(room) = room {
+                (node.max_width, node.max_height) = (px(room.x), px(room.y));
+            }
+        });
+        let display = if has_plot { Display::Flex } else { Display::None };
+        for part in [panel.plot, panel.log] {
+            change(part, &|node| node.display = display);
+        }
         if has_plot {
             draw(&mut panel, shown.plot(frontier, correction), images.as_deref_mut());
         }
     }
-}
-
-fn lay_out(
-    nodes: &mut Query<&mut Node>,
-    root: Entity,
-    panel: &Panel,
-    place: Place,
-    has_plot: bool,
-) {
-    let mut change = |entity: Entity, change: &dyn Fn(&mut Node)| {
-        let Ok(mut node) = nodes.get_mut(entity) else { return };
-        let mut new = node.clone();
-        change(&mut new);
-        node.set_if_neq(new);
-    };
-    change(root, &|node| {
-        (node.left, node.top) = (px(place.corner.x), px(place.corner.y));
-        if let Some(room) = place.room {
-            (node.max_width, node.max_height) = (px(room.x), px(room.y));
-        }
-    });
-    let display = |is_shown: bool| if is_shown { Display::Flex } else { Display::None };
-    change(panel.plot, &|node| node.display = display(has_plot));
-    change(panel.log, &|node| node.display = display(has_plot));
 }
 
 /// Draws the plot anew if it differs from the one shown.
