@@ -67,36 +67,30 @@ pub fn select(frontier: &Frontier, budget: &Budget) -> Option<Choice> {
 
 /// The same within limits that are valid. `None` where the frontier is empty.
 fn select_within(frontier: &Frontier, limits: &Limits) -> Option<Choice> {
-    let cheapest = frontier.points().first()?;
-    let best = frontier.points().last()?;
+    let (cheapest, best) = (frontier.points().first()?, frontier.points().last()?);
     let choice = |point: &FrontierPoint, outcome| {
         let most = CostPoint::new(f64::INFINITY, f64::INFINITY);
         let (settings, cost, binding) = (point.settings, point.cost, None);
         Some(Choice { settings, cost, outcome, binding, most, watts_per_error: f64::INFINITY })
     };
-    match (limits.power, limits.error) {
-        (None, None) => choice(best, Outcome::Met),
-        (None, Some(limit)) => match frontier.least_power_within(limit) {
-            Some(point) => choice(point, Outcome::Met),
-            None => choice(best, Outcome::ErrorCannotBeMet),
+    let (wanted, outcome) = match limits.error {
+        None => (best, Outcome::Met),
+        Some(limit) => match frontier.least_power_within(limit) {
+            Some(point) => (point, Outcome::Met),
+            None => (best, Outcome::ErrorCannotBeMet),
         },
-        (Some(limit), None) => match frontier.least_error_within(limit) {
-            Some(point) => choice(point, Outcome::Met),
-            None => choice(cheapest, Outcome::PowerCannotBeMet),
-        },
-        (Some(limit), Some(error)) => {
-            let alone = select(frontier, &Budget::error(error))?;
-            if alone.cost.power <= limit {
-                return Some(alone);
-            }
-            // More power than the error limit asks for is above the power limit: all within it is
-            // used.
-            match frontier.least_error_within(limit) {
-                Some(point) if point.cost.error <= error => choice(point, Outcome::Met),
-                Some(point) => choice(point, Outcome::LimitedByPower),
-                None => choice(cheapest, Outcome::PowerCannotBeMet),
-            }
+    };
+    let Some(limit) = limits.power else { return choice(wanted, outcome) };
+    if wanted.cost.power <= limit {
+        return choice(wanted, outcome);
+    }
+    // More power than the error limit asks for is above the power limit: all within it is used.
+    match frontier.least_error_within(limit) {
+        Some(point) if limits.error.is_none_or(|error| point.cost.error <= error) => {
+            choice(point, Outcome::Met)
         }
+        Some(point) => choice(point, Outcome::LimitedByPower),
+        None => choice(cheapest, Outcome::PowerCannotBeMet),
     }
 }
 
