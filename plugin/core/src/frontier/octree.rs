@@ -52,16 +52,12 @@ impl TryFrom<[i64; 9]> for Corner {
 
 impl From<Corner> for [i64; 9] {
     fn from(corner: Corner) -> Self {
-        let mut numbers = [-1; 9];
-        for (to, coordinate) in numbers.iter_mut().zip(corner.at) {
-            *to = i64::from(coordinate);
-        }
-        for (to, index) in numbers[3..].iter_mut().zip(corner.frontiers) {
-            if index != Corner::UNKNOWN {
-                *to = i64::from(index);
-            }
-        }
-        numbers
+        let frontier = |number: usize| Some(corner.frontiers[number.checked_sub(3)?]);
+        std::array::from_fn(|number| match frontier(number) {
+            None => i64::from(corner.at[number]),
+            Some(Corner::UNKNOWN) => -1,
+            Some(index) => i64::from(index),
+        })
     }
 }
 
