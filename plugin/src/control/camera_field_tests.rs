@@ -246,7 +246,7 @@ fn the_wait_of_a_frame_rate_limit_is_no_work() {
 fn resize(app: &mut App, camera: Entity, width: u32, height: u32) {
     use bevy::camera::RenderTargetInfo;
     let mut camera = app.world_mut().get_mut::<Camera>(camera).expect("a camera");
-    let physical_size = bevy::math::UVec2::new(width, height);
+    let physical_size = UVec2::new(width, height);
     camera.computed.target_info = Some(RenderTargetInfo { physical_size, scale_factor: 1.0 });
 }
 
