@@ -38,6 +38,12 @@ impl Sampler {
     }
 }
 
+/// Where `choice`, in [0, 1), falls among running sums of weights; `None` without any.
+pub(crate) fn pick(cumulative: &[f64], choice: f64) -> Option<usize> {
+    let wanted = choice * cumulative.last()?;
+    Some(cumulative.partition_point(|sum| *sum <= wanted).min(cumulative.len() - 1))
+}
+
 /// `SplitMix64`'s finaliser (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number
 /// Generators").
 fn mix(value: u64) -> u64 {

@@ -6,6 +6,8 @@
 //! and the greatest. LENGTH: passes of the run that stands for the truth.
 
 mod scenes;
+#[path = "../shared/sheet.rs"]
+mod sheet;
 #[path = "../shared/timing.rs"]
 mod timing;
 

@@ -2,10 +2,12 @@
 //! fog.
 
 use frugal_trace::integrator::{ReferenceScene, View};
-use frugal_trace::light::{Light, Sky};
-use frugal_trace::media::{Distances, Fog};
-use frugal_trace::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
+use frugal_trace::light::Light;
+use frugal_trace::media::Fog;
+use frugal_trace::scene::{Bounds, CameraPose, SceneMaterial, SceneMesh};
 use glam::{UVec2, Vec3};
+
+use crate::sheet::{scene, sheet, spot};
 
 /// A scene and a camera in it.
 pub(crate) struct Place {
@@ -29,7 +31,7 @@ pub(crate) fn all() -> Vec<Place> {
         place("a slit", None, slit(), None, false),
         place(
             "a mirror",
-            spot([-1.1, 1.5, 0.0], [0.3, -0.8, 0.0], 14.0),
+            Some(spot([-1.1, 1.5, 0.0], [0.3, -0.8, 0.0], 14.0)),
             vec![(metal(), mirror())],
             None,
             false,
@@ -38,20 +40,7 @@ pub(crate) fn all() -> Vec<Place> {
 }
 
 fn beside() -> Option<Light> {
-    spot([0.9, 1.5, 0.0], [-0.5, -1.0, 0.0], 14.0)
-}
-
-fn spot(from: [f32; 3], to: [f32; 3], outer_angle: f32) -> Option<Light> {
-    let (position, to) = (Vec3::from(from), Vec3::from(to));
-    Some(Light::Spot {
-        position,
-        direction: to - position,
-        luminous_power: 1e4,
-        range: 1e3,
-        inner_angle: outer_angle * 0.9,
-        outer_angle,
-        color: [1.0; 3],
-    })
+    Some(spot([0.9, 1.5, 0.0], [-0.5, -1.0, 0.0], 14.0))
 }
 
 fn place(
@@ -64,24 +53,14 @@ fn place(
     // A dark floor, of which the camera sees nothing but black.
     let floor = sheet([1, 1], |s, t| Vec3::new(2.0 * s - 1.0, -1.0, 1.0 - 2.0 * t));
     parts.push((material([0.0; 3], 0.0), floor));
-    let mut geometry = SceneGeometry::default();
-    for (material, mesh) in parts {
-        geometry.meshes.push(SceneMesh { material: geometry.materials.len(), ..mesh });
-        geometry.materials.push(material);
-    }
-    let rays = RayScene::from_geometry(&geometry);
     let lights: Vec<Light> = light.into_iter().collect();
     let fog = Fog {
         absorption: [0.05; 3],
         scattering: [0.3; 3],
         asymmetry: 0.3,
         bounds: Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
-        distances: Distances::default(),
     };
-    let scene = ReferenceScene::new(geometry.into(), rays.into(), &lights, Sky::Black)
-        .expect("valid geometry")
-        .with_fog(fog)
-        .expect("valid fog");
+    let scene = scene(parts, &lights).with_fog(fog).expect("valid fog");
     let view = View {
         pose: CameraPose::looking_at(Vec3::new(0.0, 0.1, 3.2), Vec3::new(0.0, 0.0, 0.0)),
         vertical_fov_degrees: 40.0,
@@ -139,21 +118,4 @@ fn material([red, green, blue]: [f32; 3], nits: f32) -> SceneMaterial {
         double_sided: true,
         ..SceneMaterial::default()
     }
-}
-
-/// A curved sheet of `columns` × `rows` cells with smooth normals.
-fn sheet([columns, rows]: [u32; 2], at: impl Fn(f32, f32) -> Vec3) -> SceneMesh {
-    let mut mesh = SceneMesh::default();
-    for (row, column) in (0..=rows).flat_map(|row| (0..=columns).map(move |column| (row, column))) {
-        let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);
-        let slope = |ds: f32, dt: f32| at(s + ds, t + dt) - at(s - ds, t - dt);
-        mesh.positions.push(at(s, t));
-        mesh.normals.push(slope(1e-3, 0.0).cross(slope(0.0, 1e-3)).normalize_or_zero());
-        if row < rows && column < columns {
-            let first = row * (columns + 1) + column;
-            let corners = [0, 1, columns + 2, 0, columns + 2, columns + 1];
-            mesh.indices.extend(corners.map(|corner| first + corner));
-        }
-    }
-    mesh
 }

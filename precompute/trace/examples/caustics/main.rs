@@ -8,6 +8,8 @@
 //! gets pictures.
 
 mod scenes;
+#[path = "../shared/sheet.rs"]
+mod sheet;
 
 use std::path::Path;
 
@@ -27,13 +29,9 @@ fn main() {
     let (photons, seeds, times) = (number(0, 100_000), number(1, 5), number(2, 100));
     let folder = arguments.get(3).map(Path::new);
     let passes = PASSES;
-    let shrinking = |passes, first| Density::Progressive { passes, first, alpha: 2.0 / 3.0 };
     let methods = [
         ("nearest 50", Density::Nearest { count: 50 }),
         ("nearest 500", Density::Nearest { count: 500 }),
-        ("progressive 5", shrinking(passes, 5)),
-        ("progressive 20", shrinking(passes, 20)),
-        ("counted 20", Density::Counted { passes, first: 20, alpha: 2.0 / 3.0 }),
         ("adaptive 5", Density::Adaptive { passes, first: 5 }),
         ("adaptive 20", Density::Adaptive { passes, first: 20 }),
     ];
@@ -54,7 +52,8 @@ fn main() {
             photon_image(&place.scene, &place.view, &settings, &caustics, Watch::default())
                 .expect("nothing interrupts")
         };
-        let reference = image(1 << 40, photons.saturating_mul(times), shrinking(times, 20));
+        let exact = Density::Adaptive { passes: times, first: 20 };
+        let reference = image(1 << 40, photons.saturating_mul(times), exact);
         let mut line = format!("{:18}", place.name);
         for ((name, density), log) in methods.iter().zip(&mut logs) {
             let mut errors: Vec<f64> = (0..u64::from(seeds))

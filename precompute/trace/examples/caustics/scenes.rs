@@ -3,9 +3,10 @@
 use std::f32::consts::{PI, TAU};
 
 use frugal_trace::integrator::{ReferenceScene, View};
-use frugal_trace::light::{Light, Sky};
-use frugal_trace::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
+use frugal_trace::scene::{CameraPose, SceneMaterial, SceneMesh};
 use glam::{UVec2, Vec3};
+
+use crate::sheet::{scene, sheet, spot};
 
 /// A scene and a camera in it.
 pub(crate) struct Place {
@@ -125,7 +126,7 @@ fn metal([red, green, blue]: [f32; 3]) -> SceneMaterial {
 /// Meshes as they are made.
 #[derive(Default)]
 struct Model {
-    geometry: SceneGeometry,
+    parts: Vec<(SceneMaterial, SceneMesh)>,
 }
 
 impl Model {
@@ -135,48 +136,13 @@ impl Model {
         model
     }
 
-    /// A curved sheet of `columns` × `rows` cells with smooth normals.
-    fn sheet(
-        &mut self,
-        material: SceneMaterial,
-        [columns, rows]: [u32; 2],
-        at: impl Fn(f32, f32) -> Vec3,
-    ) {
-        let material_index = self.geometry.materials.len();
-        let mut mesh = SceneMesh { material: material_index, ..SceneMesh::default() };
-        for row in 0..=rows {
-            for column in 0..=columns {
-                let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);
-                let slope = |ds: f32, dt: f32| at(s + ds, t + dt) - at(s - ds, t - dt);
-                mesh.positions.push(at(s, t));
-                mesh.normals.push(slope(1e-3, 0.0).cross(slope(0.0, 1e-3)).normalize_or_zero());
-            }
-        }
-        for row in 0..rows {
-            for column in 0..columns {
-                let first = row * (columns + 1) + column;
-                let corners = [0, 1, columns + 2, 0, columns + 2, columns + 1];
-                mesh.indices.extend(corners.map(|corner| first + corner));
-            }
-        }
-        self.geometry.materials.push(material);
-        self.geometry.meshes.push(mesh);
+    /// A curved sheet of `columns` × `rows` cells.
+    fn sheet(&mut self, material: SceneMaterial, cells: [u32; 2], at: impl Fn(f32, f32) -> Vec3) {
+        self.parts.push((material, sheet(cells, at)));
     }
 
     /// A scene with one spot light from `from` at `to`, half of whose angle is `degrees`.
     fn lit(self, from: [f32; 3], to: [f32; 3], degrees: f32) -> ReferenceScene {
-        let (from, to) = (Vec3::from(from), Vec3::from(to));
-        let light = Light::Spot {
-            position: from,
-            direction: to - from,
-            luminous_power: 1e4,
-            range: 1e3,
-            inner_angle: degrees * 0.9,
-            outer_angle: degrees,
-            color: [1.0; 3],
-        };
-        let rays = RayScene::from_geometry(&self.geometry);
-        ReferenceScene::new(self.geometry.into(), rays.into(), &[light], Sky::Black)
-            .expect("valid geometry")
+        scene(self.parts, &[spot(from, to, degrees)])
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use frugal_trace::integrator::{ReferenceScene, View, surfaces};
 use frugal_trace::light::Sky;
-use frugal_trace::media::{Distances, Fog};
+use frugal_trace::media::Fog;
 use frugal_trace::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
 use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
@@ -118,7 +118,6 @@ impl Place {
             scattering: [scattering; 3],
             asymmetry: 0.0,
             bounds: Bounds { min: -half.as_vec3(), max: half.as_vec3() },
-            distances: Distances::default(),
         };
         let scene = ReferenceScene::new(geometry.into(), rays.into(), &[], Sky::Black)
             .expect("valid geometry")

@@ -40,7 +40,9 @@ impl<'a> Surface<'a> {
         let geometric_normal =
             (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Y) * sign;
         let corner_normals = geometry.corners(hit).map(|corner| mesh.normals[corner].as_dvec3());
-        let normal = blend(corner_normals, weights).normalize_or_zero() * sign;
+        let [a, b, c] = corner_normals;
+        let normal = a * weights[0] + b * weights[1] + c * weights[2];
+        let normal = normal.normalize_or_zero() * sign;
         // A shading normal on the far side of its triangle, or an invalid one, would leak light. A
         // normal that only faces away from the viewer, as at the outline of a faceted sphere, is
         // kept, as in Bevy.
@@ -82,8 +84,4 @@ pub(crate) fn is_cut_out(geometry: &SceneGeometry, hit: &Hit) -> bool {
         AlphaMode::Opaque => false,
         AlphaMode::Mask(cutoff) => geometry.base_color(hit)[3] < f64::from(cutoff),
     }
-}
-
-fn blend(values: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
-    values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
 }

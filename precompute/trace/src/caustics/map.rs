@@ -1,59 +1,38 @@
 //! Photons in a tree over their positions (Bentley 1975): the nearest ones, and those within a
 //! distance.
 
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use glam::Vec3;
 
 /// Photons of a leaf.
 const LEAF: usize = 8;
-/// Photons from which on both halves are sorted by two threads.
-const PARALLEL: usize = 4096;
 
 /// Light that arrived at a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Photon {
+pub(super) struct Photon {
     /// Metres.
-    pub position: Vec3,
+    pub(super) position: Vec3,
     /// To where it came from, unit length.
-    pub direction: Vec3,
+    pub(super) direction: Vec3,
     /// Linear RGB, lumens × number of photons that left lights.
-    pub power: Vec3,
+    pub(super) power: Vec3,
     /// Surfaces that reflected it.
-    pub surfaces: u32,
+    pub(super) surfaces: u32,
 }
 
 /// Photons, to be found by place.
 #[derive(Clone, Debug, Default)]
-pub struct PhotonMap {
+pub(super) struct PhotonMap {
     /// The median of each range splits it; ranges of at most `LEAF` are not split.
-    photons: Vec<Photon>,
+    pub(super) photons: Vec<Photon>,
     /// The axis along which the photon of the same index splits its range.
     axes: Vec<u8>,
 }
 
-/// A photon's squared distance and index, ordered by distance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Near(f32, usize);
-
-impl Eq for Near {}
-
-impl PartialOrd for Near {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Near {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
 impl PhotonMap {
     /// A map of `photons`; those whose place, direction or power is not finite are left out.
-    pub fn new(mut photons: Vec<Photon>) -> Self {
+    pub(super) fn new(mut photons: Vec<Photon>) -> Self {
         photons.retain(|photon| {
             photon.position.is_finite() && photon.direction.is_finite() && photon.power.is_finite()
         });
@@ -62,50 +41,45 @@ impl PhotonMap {
         Self { photons, axes }
     }
 
-    /// Number of photons.
-    pub fn len(&self) -> usize {
-        self.photons.len()
-    }
-
     /// Whether there are no photons.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.photons.is_empty()
     }
 
     /// The `count` nearest photons to `place` within `reach`, metres, that arrived from above a
     /// surface with `normal`: each with its squared distance, m², the nearest first.
-    pub fn nearest(
+    pub(super) fn nearest(
         &self,
         place: Vec3,
         normal: Vec3,
         count: usize,
         reach: f32,
     ) -> Vec<(f32, Photon)> {
+        // Squared distances are not negative: their bits have their order.
         let mut heap = BinaryHeap::with_capacity(count.min(self.photons.len()) + 1);
         let mut within = reach * reach;
-        if count > 0 {
-            self.visit(0..self.photons.len(), place, &mut within, &mut |index, squared, within| {
-                // In this form, NaN is below.
-                let is_above = self.photons[index].direction.dot(normal) > 0.0;
-                if !is_above {
-                    return;
-                }
-                heap.push(Near(squared, index));
-                if heap.len() > count {
-                    heap.pop();
-                }
-                if heap.len() == count {
-                    *within = heap.peek().map_or(*within, |near| near.0.min(*within));
-                }
-            });
-        }
-        let found = heap.into_sorted_vec();
-        found.into_iter().map(|Near(squared, index)| (squared, self.photons[index])).collect()
+        self.visit(0..self.photons.len(), place, &mut within, &mut |index, squared, within| {
+            // In this form, NaN is below.
+            let is_above = self.photons[index].direction.dot(normal) > 0.0;
+            if !is_above {
+                return;
+            }
+            heap.push((squared.to_bits(), index));
+            if heap.len() > count {
+                heap.pop();
+            }
+            if heap.len() == count {
+                let farthest = heap.peek().map(|(bits, _)| f32::from_bits(*bits));
+                *within = farthest.map_or(*within, |farthest| farthest.min(*within));
+            }
+        });
+        let found = heap.into_sorted_vec().into_iter();
+        found.map(|(bits, index)| (f32::from_bits(bits), self.photons[index])).collect()
     }
 
     /// Calls `found` with the squared distance, m², of each photon within `radius`, metres, that
     /// arrived from above a surface with `normal`, in any order.
-    pub fn within(
+    pub(super) fn within(
         &self,
         place: Vec3,
         normal: Vec3,
@@ -168,10 +142,5 @@ fn split(photons: &mut [Photon], axes: &mut [u8]) {
     let (low, high) = photons.split_at_mut(middle);
     let (low_axes, high_axes) = axes.split_at_mut(middle);
     let (high, high_axes) = (&mut high[1..], &mut high_axes[1..]);
-    if low.len() > PARALLEL {
-        rayon::join(|| split(low, low_axes), || split(high, high_axes));
-    } else {
-        split(low, low_axes);
-        split(high, high_axes);
-    }
+    rayon::join(|| split(low, low_axes), || split(high, high_axes));
 }

@@ -5,19 +5,16 @@
 //! find light that mirrors throw into fog, which paths from the camera find by luck.
 
 use glam::{DVec3, UVec2};
-use rayon::prelude::*;
 
 use crate::bsdf::{Bsdf, Surface};
 use crate::color::luminance;
-use crate::integrator::{
-    Emission, Flight, GREATEST_SURVIVAL, ReferenceScene, Settings, View, Watch,
-};
+use crate::integrator::path::GREATEST_SURVIVAL;
+use crate::integrator::photons::{Flight, emitted};
+use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::media::{Fog, Line, density, sample};
 use crate::metrics::Radiance;
 use crate::sampler::Sampler;
 
-/// Photons that are traced one after the other.
-const CHUNK: u32 = 1024;
 /// Share of a pass's radius that the next one keeps, in the limit of many: error² falls fastest, as
 /// passes^(−4/5), where variance, ∝ 1/radius, and squared bias, ∝ radius⁴, fall alike.
 const ALPHA: f64 = 0.8;
@@ -94,8 +91,15 @@ pub fn render(
     let UVec2 { x: width, y: height } = view.size;
     let mut sums = vec![DVec3::ZERO; (width * height) as usize];
     let mut radius = radius;
+    let eye = view.pose.position.as_dvec3();
+    let follow = |flight, sampler: &mut Sampler, found: &mut Vec<Beam>| {
+        walk(flight, scene, fog, settings, sampler, |flight, line| {
+            found.push(Beam::new(flight, line, eye));
+        });
+    };
     for pass in 0..settings.samples {
-        let beams = beams(scene, fog, view, settings, [pass, photons], watch.interrupted)?;
+        let (seed, numbers) = (settings.seed, [pass, photons]);
+        let beams = emitted(scene, settings, seed, numbers, watch.interrupted, follow)?;
         let image = Pass { scene, view, settings, fog, beams: &beams, pass, radius };
         for (pixel, light) in
             image.tile([0, 0], [width, height], &(0..beams.len()).collect::<Vec<_>>())
@@ -179,44 +183,15 @@ impl Pass<'_> {
     }
 }
 
-/// Beams of the photons of a pass.
-fn beams(
-    scene: &ReferenceScene,
-    fog: &Fog,
-    view: &View,
-    settings: &Settings,
-    [pass, photons]: [u32; 2],
-    interrupted: &(dyn Fn() -> bool + Sync),
-) -> Option<Vec<Beam>> {
-    let Some(emission) = Emission::new(scene, settings) else { return Some(Vec::new()) };
-    let eye = view.pose.position.as_dvec3();
-    let chunks: Vec<Vec<Beam>> = (0..photons.div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let mut found = Vec::new();
-            for photon in chunk * CHUNK..photons.min((chunk + 1).saturating_mul(CHUNK)) {
-                let mut sampler = Sampler::new(settings.seed, u64::from(pass), photon);
-                walk(&emission, scene, fog, settings, &mut sampler, |flight, line| {
-                    found.push(Beam::new(flight, line, eye));
-                });
-            }
-            (!interrupted()).then_some(found)
-        })
-        .collect::<Option<_>>()?;
-    Some(chunks.into_iter().flatten().collect())
-}
-
 /// Follows one photon, and calls `found` with its ways through fog that scatters.
 fn walk(
-    emission: &Emission,
+    mut flight: Flight,
     scene: &ReferenceScene,
     fog: &Fog,
     settings: &Settings,
     sampler: &mut Sampler,
     mut found: impl FnMut(Flight, Line),
 ) {
-    let (choice, [a, b], [c, d]) = (sampler.number(), sampler.pair(), sampler.pair());
-    let Some(mut flight) = emission.emit(&[choice, a, b, c, d]) else { return };
     for events in 0.. {
         let hit = scene.closest(flight.origin, flight.direction);
         let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));

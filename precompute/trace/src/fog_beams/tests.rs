@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 use glam::Vec3;
 
 use super::*;
+use crate::integrator::photons::Emission;
 use crate::integrator::{self, Pixels};
 use crate::light::{Light, Sky};
-use crate::media::Distances;
-use crate::scene::shapes::MeshBuilder;
+use crate::scene::testing::MeshBuilder;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial};
 
 fn fog(absorption: f32, scattering: f32) -> Fog {
@@ -17,7 +17,6 @@ fn fog(absorption: f32, scattering: f32) -> Fog {
         scattering: [scattering; 3],
         asymmetry: 0.4,
         bounds: Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
-        distances: Distances::Combined,
     }
 }
 
@@ -217,7 +216,12 @@ fn beams_and_paths_have_the_same_mean() {
 fn tiles_lose_no_beam() {
     let fog = fog(0.1, 0.4);
     let (scene, view, settings) = (lit(fog), view([9, 5]), once(1, 3));
-    let beams = beams(&scene, &fog, &view, &settings, [0, 500], &|| false).unwrap();
+    let beams = emitted(&scene, &settings, 3, [0, 500], &|| false, |flight, sampler, found| {
+        walk(flight, &scene, &fog, &settings, sampler, |flight, line| {
+            found.push(Beam::new(flight, line, view.pose.position.as_dvec3()));
+        });
+    });
+    let beams = beams.unwrap();
     for radius in [1e-3, 0.05, 5.0] {
         let (scene, view, settings) = (&scene, &view, &settings);
         let pass = Pass { scene, view, settings, fog: &fog, beams: &beams, pass: 0, radius };

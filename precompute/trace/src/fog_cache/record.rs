@@ -8,7 +8,9 @@ use super::jet::{Jet, distance, eigen, form_factor};
 use super::{CacheSettings, Shape};
 use crate::bsdf::Surface;
 use crate::color::luminance;
-use crate::integrator::{ReferenceScene, Sampled, emitter, per_steradian};
+use crate::integrator::ReferenceScene;
+use crate::integrator::path::{emitter, per_steradian};
+use crate::light::Sampled;
 use crate::sampler::Sampler;
 
 /// Distance of what a ray misses, metres: only its direction matters, since it is dark.

@@ -6,8 +6,8 @@ use super::jet::{Jet, distance, eigen, form_factor};
 use super::record::{gather, radii, record};
 use super::*;
 use crate::light::Sky;
-use crate::media::{Distances, Fog};
-use crate::scene::shapes::MeshBuilder;
+use crate::media::Fog;
+use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
 
 /// A ball of radius 2 that emits inwards, with fog in it.
@@ -42,7 +42,6 @@ fn with_fog(geometry: SceneGeometry, scattering: f32) -> ReferenceScene {
         scattering: [scattering; 3],
         asymmetry: 0.0,
         bounds,
-        distances: Distances::default(),
     };
     scene.with_fog(fog).unwrap()
 }

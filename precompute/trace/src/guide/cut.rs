@@ -2,7 +2,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::sphere::{Cone, Photon, Sphere};
+use super::Photon;
+use super::sources::{Cone, Sphere};
 
 /// Photons that a sphere needs.
 const LEAST_PHOTONS: usize = 4;
@@ -83,14 +84,14 @@ impl Cut {
         // Few points do not reach the ends of the range that they are drawn from.
         let count = photons.len() as f64;
         let radius = 0.5 * (max - min).length() * ((count + 1.0) / (count - 1.0)) as f32;
-        let center = 0.5 * min + 0.5 * max;
-        let cone = Cone::new(self.place, center.as_dvec3(), f64::from(radius), 0.0)?;
+        let sphere = Sphere { center: 0.5 * min + 0.5 * max, radius, share: 0.0 };
+        let cone = Cone::new(self.place, &sphere)?;
         // What a Lambertian surface would send there.
         let expected = 2.0 * (1.0 - cone.least_cosine) * cone.axis.dot(self.normal).max(0.05);
         let certain = 1.0 - MARGIN * squares.sqrt() / sum;
         let share = sum / self.total * certain;
         (share > self.contrast * expected && share - expected >= LEAST_SHARE).then(|| {
-            let sphere = Sphere { center, radius, share: (share - expected) as f32 };
+            let sphere = Sphere { share: (share - expected) as f32, ..sphere };
             (sphere, share * (share / expected).ln(), sum)
         })
     }

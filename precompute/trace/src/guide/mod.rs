@@ -1,20 +1,123 @@
-//! Path guiding: learns from photons, for each place, where much light comes from.
+//! Path guiding: learns from photons, for each place, where much light comes from. A place is a leaf
+//! of a tree over positions, of which each of six orientations of surfaces has one.
 //!
 //! | module | job |
 //! |---|---|
-//! | `sphere` | photons, spheres around their sources, and cones of directions to spheres |
-//! | `cut` | cuts the sources of a place's photons into spheres |
 //! | `sources` | spheres that send much light to a place, and sampling of directions to them |
-//! | `field` | places: a tree over positions for each orientation of surfaces |
+//! | `cut` | cuts the sources of a place's photons into spheres |
 
 mod cut;
-mod field;
 mod sources;
-mod sphere;
 
-pub(crate) use field::Field;
+use glam::{DVec3, Vec3};
+
+use sources::Sources;
 pub(crate) use sources::{Cones, around};
-pub(crate) use sphere::Photon;
+
+/// A leaf has at most this many photons times the square root of the number of all.
+const LEAF_PHOTONS: f64 = 2.0;
+
+/// Light that arrived at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Photon {
+    /// Metres.
+    pub(crate) position: Vec3,
+    /// Normal of the surface on the side of the light, unit length.
+    pub(crate) normal: Vec3,
+    /// Where the light came from, metres.
+    pub(crate) source: Vec3,
+    /// Luminance of its power, in a unit that is the same for all; above 0.
+    pub(crate) power: f32,
+}
+
+/// What sends light to each place.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    roots: [Node; 6],
+}
+
+#[derive(Clone, Debug)]
+enum Node {
+    Inner { axis: usize, at: f32, children: Box<[Node; 2]> },
+    Leaf(Option<Sources>),
+}
+
+impl Field {
+    /// Learns from `photons`, whose order it changes.
+    pub(crate) fn learn(photons: &mut [Photon]) -> Self {
+        let most = ((photons.len() as f64).sqrt() * LEAF_PHOTONS) as usize;
+        let mut rest = photons;
+        let roots = std::array::from_fn(|wanted| {
+            let count = partition(rest, |photon| face(photon.normal) == wanted);
+            let (own, others) = std::mem::take(&mut rest).split_at_mut(count);
+            rest = others;
+            let striking = Sources::striking(own);
+            Node::learn(own, most, striking.as_ref())
+        });
+        Self { roots }
+    }
+
+    /// What sends light to a place on a surface with `normal`.
+    pub(crate) fn at(&self, position: DVec3, normal: DVec3) -> Option<&Sources> {
+        let position = position.as_vec3();
+        let mut node = &self.roots[face(normal.as_vec3())];
+        loop {
+            match node {
+                Node::Leaf(sources) => return sources.as_ref(),
+                Node::Inner { axis, at, children } => {
+                    node = &children[usize::from(position[*axis] >= *at)];
+                }
+            }
+        }
+    }
+}
+
+impl Node {
+    /// Splits at the median position. All leaves aim a little at what is `striking`.
+    fn learn(photons: &mut [Photon], most: usize, striking: Option<&Sources>) -> Self {
+        let (min, max) = photons
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max): (Vec3, Vec3), photon| {
+                (min.min(photon.position), max.max(photon.position))
+            });
+        let axis = (max - min).max_position();
+        let middle = photons.len() / 2;
+        if photons.len() > most {
+            let (_, photon, _) = photons.select_nth_unstable_by(middle, |a, b| {
+                a.position[axis].total_cmp(&b.position[axis])
+            });
+            let at = photon.position[axis];
+            let count = partition(photons, |photon| photon.position[axis] < at);
+            if count > 0 {
+                let (low, high) = photons.split_at_mut(count);
+                let (low, high) = rayon::join(
+                    || Self::learn(low, most, striking),
+                    || Self::learn(high, most, striking),
+                );
+                return Self::Inner { axis, at, children: Box::new([low, high]) };
+            }
+        }
+        Self::Leaf(Sources::learn(photons, striking))
+    }
+}
+
+/// Which of the six axes a normal is nearest to.
+fn face(normal: Vec3) -> usize {
+    let axis = normal.abs().max_position();
+    2 * axis + usize::from(normal[axis] < 0.0)
+}
+
+/// Moves photons that `is_first` before the others, and returns their number.
+fn partition(photons: &mut [Photon], is_first: impl Fn(&Photon) -> bool) -> usize {
+    let mut count = 0;
+    for i in 0..photons.len() {
+        if is_first(&photons[i]) {
+            photons.swap(i, count);
+            count += 1;
+        }
+    }
+    count
+}
 
 #[cfg(test)]
 mod tests;

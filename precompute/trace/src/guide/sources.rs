@@ -7,19 +7,21 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
+use super::Photon;
 use super::cut::spheres;
-use super::sphere::{Cone, Photon, Sphere};
 
 /// Most spheres of a place.
-pub(super) const MOST_SPHERES: usize = 16;
+const MOST_SPHERES: usize = 16;
 /// Most branches per surface on average, so that a wrong guide costs a bounded time.
 const GREATEST_SHARE: f64 = 0.8;
 /// A striking sphere is so many times brighter than what BSDF sampling expects.
 const CONTRAST: f64 = 10.0;
 /// Part of a striking sphere's share that each place gives it, whatever its own photons show.
 const SHARED: f32 = 0.5;
+/// Least height of a cone's cap, 1 − cosine: a tenth of a degree.
+const LEAST_HEIGHT: f64 = 1.5e-6;
 
 /// Spheres that send much light to a place.
 #[derive(Clone, Debug, Default)]
@@ -30,8 +32,7 @@ pub(crate) struct Sources {
 /// The spheres as seen from a point.
 #[derive(Clone, Debug)]
 pub(crate) struct Cones {
-    cones: [Cone; MOST_SPHERES],
-    count: usize,
+    cones: Vec<Cone>,
     /// Branches per surface, on average.
     share: f64,
 }
@@ -67,21 +68,9 @@ impl Sources {
 
     /// The spheres as seen from `position`, metres; those around it are left out.
     pub(crate) fn seen_from(&self, position: DVec3) -> Cones {
-        let mut cones = Cones { cones: [Cone::default(); MOST_SPHERES], count: 0, share: 0.0 };
-        for sphere in &self.spheres {
-            let cone = Cone::new(
-                position,
-                sphere.center.as_dvec3(),
-                f64::from(sphere.radius),
-                f64::from(sphere.share),
-            );
-            if let Some(cone) = cone {
-                cones.cones[cones.count] = cone;
-                cones.count += 1;
-                cones.share += cone.share;
-            }
-        }
-        cones
+        let cones: Vec<Cone> =
+            self.spheres.iter().filter_map(|sphere| Cone::new(position, sphere)).collect();
+        Cones { share: cones.iter().map(|cone| cone.share).sum(), cones }
     }
 }
 
@@ -93,21 +82,19 @@ impl Cones {
 
     /// A direction, of unit length. `choice` is in [0, share).
     pub(crate) fn sample(&self, mut choice: f64, pair: [f64; 2]) -> DVec3 {
-        let cones = &self.cones[..self.count];
-        let cone = cones.iter().find(|cone| {
+        let cone = self.cones.iter().find(|cone| {
             choice -= cone.share;
             choice < 0.0
         });
         // Rounding may leave a little.
-        let Some(cone) = cone.or(cones.last()) else { return DVec3::Y };
+        let Some(cone) = cone.or(self.cones.last()) else { return DVec3::Y };
         around(cone.axis, 1.0 - (1.0 - cone.least_cosine) * pair[0], pair[1])
     }
 
     /// Share × density per steradian with which [`sample`](Self::sample) takes `direction`, a unit
     /// vector.
     pub(crate) fn density(&self, direction: DVec3) -> f64 {
-        let cones = &self.cones[..self.count];
-        let inside = cones.iter().filter(|cone| cone.axis.dot(direction) >= cone.least_cosine);
+        let inside = self.cones.iter().filter(|cone| cone.axis.dot(direction) >= cone.least_cosine);
         inside.map(|cone| cone.density).sum()
     }
 }
@@ -118,4 +105,49 @@ pub(crate) fn around(axis: DVec3, cosine: f64, turn: f64) -> DVec3 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (across, along) = (turn * TAU).sin_cos();
     axis * cosine + right * (sine * along) + up * (sine * across)
+}
+
+/// A part of space from which much light comes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sphere {
+    /// Metres.
+    pub(super) center: Vec3,
+    pub(super) radius: f32,
+    /// Branches towards it per surface, on average.
+    pub(super) share: f32,
+}
+
+/// The directions to a sphere from a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Cone {
+    pub(super) axis: DVec3,
+    pub(super) least_cosine: f64,
+    /// Branches towards it per surface, on average.
+    pub(super) share: f64,
+    /// Share × density per steradian inside the cone.
+    pub(super) density: f64,
+}
+
+impl Cone {
+    /// `None` from inside the sphere.
+    pub(super) fn new(position: DVec3, sphere: &Sphere) -> Option<Self> {
+        let (radius, share) = (f64::from(sphere.radius), f64::from(sphere.share));
+        let ray = sphere.center.as_dvec3() - position;
+        let squared = ray.length_squared();
+        let sine_squared = radius * radius / squared;
+        // This form also rejects NaN.
+        let outside = sine_squared < 0.9 && squared < f64::INFINITY;
+        if !outside {
+            return None;
+        }
+        // 1 − cosine, without cancellation.
+        let height = sine_squared / (1.0 + (1.0 - sine_squared).sqrt());
+        let height = height.max(LEAST_HEIGHT);
+        Some(Self {
+            axis: ray / squared.sqrt(),
+            least_cosine: 1.0 - height,
+            share,
+            density: share / (TAU * height),
+        })
+    }
 }

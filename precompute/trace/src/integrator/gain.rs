@@ -3,9 +3,7 @@
 use rayon::prelude::*;
 
 use super::path::{Arrival, Record, trace};
-use super::scene::ReferenceScene;
-use super::settings::Settings;
-use super::view::View;
+use super::{ReferenceScene, Settings, View};
 use crate::color::luminance;
 use crate::guide::Field;
 use crate::sampler::Sampler;

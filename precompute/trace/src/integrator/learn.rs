@@ -7,9 +7,7 @@ use rayon::prelude::*;
 
 use super::gain::gain;
 use super::photons::{Emission, Start};
-use super::scene::ReferenceScene;
-use super::settings::Settings;
-use super::view::View;
+use super::{ReferenceScene, Settings, View};
 use crate::bsdf::{Bsdf, Surface};
 use crate::guide::{Field, Photon};
 use crate::sampler::Sampler;
@@ -171,20 +169,14 @@ impl Places {
         let bounds = scene.geometry.bounds();
         let diagonal = bounds.map_or(0.0, |bounds| (bounds.max - bounds.min).length());
         let mut places = Self { voxels: HashSet::new(), voxel: diagonal / VOXELS };
-        let pilots: Vec<Vec<(Vec3, Vec3)>> = (0..PILOT_PATHS / 256)
+        places.voxels = (0..PILOT_PATHS)
             .into_par_iter()
-            .map(|chunk| {
-                let mut surfaces = Vec::new();
-                for path in 0..256 {
-                    let sampler = &mut Sampler::new(settings.seed, u64::from(chunk), path);
-                    follow_pilot(scene, view, settings, sampler, &mut surfaces);
-                }
-                surfaces
+            .flat_map_iter(|path| {
+                let sampler = Sampler::new(settings.seed, u64::from(path / 256), path % 256);
+                follow_pilot(scene, view, settings, sampler)
             })
+            .map(|(position, normal)| places.voxel(position, normal))
             .collect();
-        for (position, normal) in pilots.into_iter().flatten() {
-            places.voxels.insert(places.voxel(position, normal));
-        }
         places
     }
 
@@ -199,23 +191,24 @@ impl Places {
     }
 }
 
-/// Follows a path from anywhere in the image, and adds positions and normals of its surfaces.
+/// Positions and normals of the surfaces of a path from anywhere in the image.
 fn follow_pilot(
     scene: &ReferenceScene,
     view: &View,
     settings: &Settings,
-    sampler: &mut Sampler,
-    surfaces: &mut Vec<(Vec3, Vec3)>,
-) {
+    mut sampler: Sampler,
+) -> Vec<(Vec3, Vec3)> {
+    let mut surfaces = Vec::new();
     let [x, y] = sampler.pair();
     let size = view.size.as_dvec2();
     let (mut origin, mut direction) = view.ray(x * size.x, y * size.y);
     for _ in 0..PILOT_SURFACES {
-        let Some(hit) = scene.closest(origin, direction) else { return };
+        let Some(hit) = scene.closest(origin, direction) else { break };
         let surface = Surface::new(&scene.geometry, &hit);
         surfaces.push((surface.position.as_vec3(), surface.geometric_normal.as_vec3()));
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
-        let Some(sample) = bsdf.sample(sampler) else { return };
+        let Some(sample) = bsdf.sample(&mut sampler) else { break };
         (origin, direction) = (surface.ray_origin(), sample.direction);
     }
+    surfaces
 }

@@ -7,13 +7,10 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | `settings` | how an image is path-traced |
 //! | `scene` | geometry, lights and ray queries |
 //! | `view` | a camera's rays |
-//! | `scatter` | directions in which a path goes on, guided or not |
-//! | `lights` | sampling of emissive triangles and of the sky |
-//! | `walk` | one step of a path, from surface to surface |
-//! | `path` | radiance along one path |
+//! | `walk` | one step of a path, from surface to surface, guided or not |
+//! | `path` | radiance along one path; sampling of emissive triangles and of the sky |
 //! | `media` | light in fog; with the feature `media` |
 //! | `photons` | light along paths from the lights |
 //! | `gain` | whether a guide pays |
@@ -22,42 +19,102 @@
 
 mod gain;
 mod learn;
-mod lights;
 #[cfg(feature = "media")]
 mod media;
-mod path;
-mod photons;
-mod render;
-mod scatter;
+pub(crate) mod path;
+pub(crate) mod photons;
+pub(crate) mod render;
 mod scene;
-mod settings;
 mod view;
 mod walk;
 
-#[cfg(any(feature = "caustics", feature = "media"))]
-pub(crate) use lights::per_steradian;
-#[cfg(feature = "media")]
-pub(crate) use lights::{Sampled, emitter};
-#[cfg(any(feature = "caustics", feature = "media"))]
-pub(crate) use path::GREATEST_SURVIVAL;
-#[cfg(feature = "time")]
-pub(crate) use path::{Arrival, Record};
-#[cfg(feature = "caustics")]
-pub(crate) use path::{CERTAIN_SURFACES, extended, punctual};
-#[cfg(any(feature = "caustics", feature = "media"))]
-pub(crate) use photons::Emission;
-#[cfg(feature = "media")]
-pub(crate) use photons::Flight;
-#[cfg(feature = "caustics")]
-pub(crate) use photons::Start;
-#[cfg(feature = "time")]
-pub(crate) use render::render_recorded;
-#[cfg(feature = "caustics")]
-pub(crate) use render::sum;
+use crate::bsdf::Shading;
 pub use render::{Rendering, Watch, render};
 pub use scene::ReferenceScene;
-pub use settings::{Guide, Pixels, Settings, Strategy};
 pub use view::{FirstHit, View, surfaces};
+
+/// How an image is path-traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is
+    /// smooth; time grows linearly. Powers of two are best.
+    pub samples: u32,
+    /// Greatest number of indirect bounces; `None` for no limit. 0 is direct light alone. Each
+    /// costs one ray or more.
+    pub bounces: Option<u32>,
+    /// Seed of all random numbers: another seed gives another image with the same mean.
+    pub seed: u64,
+    /// Reflection model.
+    pub shading: Shading,
+    /// Sampling strategy for lights with extent.
+    pub strategy: Strategy,
+    /// Positions of camera rays within a pixel.
+    pub pixels: Pixels,
+    /// What tells paths where light comes from.
+    pub guide: Guide,
+}
+
+/// What tells paths where light comes from. All have the same mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Guide {
+    /// Nothing: directions are sampled by BSDF and lights alone.
+    #[default]
+    None,
+    /// Photons, traced before the image: paths branch to where they came from. Much less noise where
+    /// most light is indirect and comes from few small places. Learning takes up to a sixth of the
+    /// time of small images; a guide that would not pay is left out.
+    Photons,
+}
+
+/// Positions of camera rays within a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pixels {
+    /// Uniform over the pixel: its value is the mean over its area (box filter).
+    #[default]
+    Area,
+    /// The pixel's centre, as in a renderer without antialiasing: both have the same aliased edges.
+    Middle,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            samples: 256,
+            bounces: None,
+            seed: 0,
+            shading: Shading::default(),
+            strategy: Strategy::default(),
+            pixels: Pixels::default(),
+            guide: Guide::default(),
+        }
+    }
+}
+
+/// How paths sample lights with extent: emissive triangles and sky maps. All strategies have the
+/// same mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// Both techniques, weighted by the balance heuristic.
+    #[default]
+    Combined,
+    /// Light sampling alone: noisy where a surface is glossy or the light is near.
+    Lights,
+    /// BSDF sampling alone: noisy where the light is small.
+    Scattering,
+}
+
+impl Strategy {
+    /// Weight of a sample of density `own`, which the other technique samples with density `other`.
+    /// Where `other` is 0 the weight is 1.
+    pub(crate) fn weight(self, is_light_sample: bool, own: f64, other: f64) -> f64 {
+        match self {
+            _ if other <= 0.0 => 1.0,
+            Self::Combined => own / (own + other),
+            Self::Lights => f64::from(u8::from(is_light_sample)),
+            Self::Scattering => f64::from(u8::from(!is_light_sample)),
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests;

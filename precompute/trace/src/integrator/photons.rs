@@ -8,13 +8,12 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec3, Vec3};
 
 use super::path::GREATEST_SURVIVAL;
-use super::scene::ReferenceScene;
-use super::settings::{Settings, Strategy};
+use super::{ReferenceScene, Settings, Strategy};
 use crate::bsdf::{Bsdf, Surface, is_cut_out};
 use crate::color::luminance;
 use crate::guide::{Photon, around};
 use crate::light::{PunctualLight, Sky};
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, pick};
 use crate::scene::{Hit, Side};
 
 /// Metres to where parallel light is taken to come from.
@@ -139,14 +138,12 @@ impl<'a> Emission<'a> {
 
     /// Light that leaves a light; `None` where the sampled point emits none.
     pub(crate) fn emit(&self, &[choice, a, b, c, d]: &Start) -> Option<Flight> {
+        let index = pick(&self.cumulative, choice)?;
         let total = *self.cumulative.last()?;
-        let choice = choice * total;
-        let index = self.cumulative.partition_point(|sum| *sum <= choice);
-        let index = index.min(self.cumulative.len() - 1);
         let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
         let own = self.cumulative[index] - before;
         // What is left of the choice chooses within the light.
-        let rest = ((choice - before) / own).clamp(0.0, 1.0 - f64::EPSILON);
+        let rest = ((choice * total - before) / own).clamp(0.0, 1.0 - f64::EPSILON);
         let samples_lights = self.settings.strategy != Strategy::Scattering;
         let flight = if let Some(light) = self.scene.lights.get(index) {
             match *light {
@@ -221,6 +218,34 @@ impl<'a> Emission<'a> {
             is_sampled,
         }
     }
+}
+
+/// What `follow` finds of the `count` photons of pass number `pass`, one after the other; `None`
+/// where `interrupted`.
+#[cfg(any(feature = "caustics", feature = "media"))]
+pub(crate) fn emitted<T: Send>(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    seed: u64,
+    [pass, count]: [u32; 2],
+    interrupted: &(dyn Fn() -> bool + Sync),
+    follow: impl Fn(Flight, &mut Sampler, &mut Vec<T>) + Sync,
+) -> Option<Vec<T>> {
+    use rayon::prelude::*;
+    let Some(emission) = Emission::new(scene, settings) else { return Some(Vec::new()) };
+    let photon = |mut found: Vec<T>, photon: u32| {
+        let mut sampler = Sampler::new(seed, u64::from(pass), photon);
+        let (choice, [a, b], [c, d]) = (sampler.number(), sampler.pair(), sampler.pair());
+        if let Some(flight) = emission.emit(&[choice, a, b, c, d]) {
+            follow(flight, &mut sampler, &mut found);
+        }
+        (!interrupted()).then_some(found)
+    };
+    let joined = |mut all: Vec<T>, more: Vec<T>| {
+        all.extend(more);
+        Some(all)
+    };
+    (0..count).into_par_iter().try_fold(Vec::new, photon).try_reduce(Vec::new, joined)
 }
 
 /// Cosine of a spot light's outer angle; −1 without a cone.

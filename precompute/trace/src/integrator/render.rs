@@ -1,14 +1,11 @@
 //! A camera's image.
 
-use glam::{DVec3, UVec2};
+use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 
 use super::learn::learn;
 use super::path::{Record, trace};
-use super::scene::ReferenceScene;
-use super::settings::{Guide, Settings};
-use super::view::View;
-use crate::guide::Field;
+use super::{Guide, ReferenceScene, Settings, View};
 use crate::metrics::Radiance;
 use crate::sampler::Sampler;
 
@@ -65,9 +62,6 @@ pub(crate) fn sum(a: &Radiance, b: &Radiance) -> Radiance {
     Radiance { rgb, ..*a }
 }
 
-/// Direct, extended and indirect light of one pixel, and how many of its samples were dropped.
-type Pixel = ([[f32; 3]; 3], u64);
-
 /// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The
 /// result depends on the arguments alone, not on the number of threads.
 ///
@@ -89,67 +83,62 @@ pub(crate) fn render_recorded<R: Record + Send>(
     watch: Watch,
     record: &(dyn Fn() -> R + Sync),
 ) -> Option<(Rendering, Vec<R>)> {
-    let UVec2 { x: width, y: height } = view.size;
     let field = match settings.guide {
         Guide::None => None,
         Guide::Photons => learn(scene, view, settings, watch.interrupted)?,
     };
-    let rows: Vec<Vec<(Pixel, R)>> = (0..height)
+    let eye = view.pose.position.as_dvec3();
+    let ([direct, extended, indirect], dropped, records) =
+        pixels(view, settings, watch, record, |(origin, direction), sampler, record| {
+            record.begin(origin.as_dvec3().distance(eye));
+            let field = field.as_ref();
+            let estimate = trace(scene, settings, field, origin, direction, sampler, record);
+            let fits = estimate.fits_f32();
+            record.end(fits);
+            fits.then_some([estimate.direct, estimate.extended, estimate.indirect])
+        })?;
+    Some((Rendering { direct, extended, indirect, dropped }, records))
+}
+
+/// Images of the means over each pixel's samples, how many samples were dropped, and a record of
+/// each pixel, row by row. `sample` traces a ray and returns its light in parts; none is dropped.
+pub(crate) fn pixels<const N: usize, R: Send>(
+    view: &View,
+    settings: &Settings,
+    watch: Watch,
+    record: &(dyn Fn() -> R + Sync),
+    sample: impl Fn((Vec3, DVec3), &mut Sampler, &mut R) -> Option<[DVec3; N]> + Sync,
+) -> Option<([Radiance; N], u64, Vec<R>)> {
+    let UVec2 { x: width, y: height } = view.size;
+    let pixel = |at: [u32; 2]| {
+        let (mut sums, mut count, mut record) = ([DVec3::ZERO; N], 0_u32, record());
+        let number = u64::from(at[1]) * u64::from(width) + u64::from(at[0]);
+        for index in 0..settings.samples {
+            let mut sampler = Sampler::new(settings.seed, number, index);
+            let ray = view.sampled_ray(settings.pixels, at, &mut sampler);
+            if let Some(parts) = sample(ray, &mut sampler, &mut record) {
+                sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                count += 1;
+            }
+        }
+        let means = sums.map(|sum| (sum / f64::from(count.max(1))).as_vec3().to_array());
+        (means, u64::from(settings.samples - count), record)
+    };
+    let rows: Vec<Vec<_>> = (0..height)
         .into_par_iter()
         .map(|y| {
-            let row = (0..width)
-                .map(|x| {
-                    (!(watch.interrupted)()).then(|| {
-                        let mut record = record();
-                        let own = pixel(scene, view, settings, field.as_ref(), x, y, &mut record);
-                        (own, record)
-                    })
-                })
-                .collect::<Option<Vec<_>>>();
+            let row = (0..width).map(|x| (!(watch.interrupted)()).then(|| pixel([x, y])));
+            let row = row.collect::<Option<Vec<_>>>();
             (watch.row_done)();
             row
         })
         .collect::<Option<_>>()?;
-    let pixels = rows.into_iter().flatten();
-    let empty = || Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) };
-    let mut rendering =
-        Rendering { direct: empty(), extended: empty(), indirect: empty(), dropped: 0 };
-    let mut records = Vec::with_capacity((width * height) as usize);
-    for (([direct, extended, indirect], dropped), record) in pixels {
+    let mut images = std::array::from_fn(|_| Radiance { width, height, rgb: Vec::new() });
+    let (mut dropped, mut records) = (0, Vec::new());
+    for (means, lost, record) in rows.into_iter().flatten() {
+        images.iter_mut().zip(means).for_each(|(image, mean)| image.rgb.push(mean));
+        dropped += lost;
         records.push(record);
-        rendering.direct.rgb.push(direct);
-        rendering.extended.rgb.push(extended);
-        rendering.indirect.rgb.push(indirect);
-        rendering.dropped += dropped;
     }
-    Some((rendering, records))
-}
-
-fn pixel(
-    scene: &ReferenceScene,
-    view: &View,
-    settings: &Settings,
-    field: Option<&Field>,
-    x: u32,
-    y: u32,
-    record: &mut impl Record,
-) -> Pixel {
-    let (mut parts, mut dropped) = ([DVec3::ZERO; 3], 0);
-    let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
-    for sample in 0..settings.samples {
-        let mut sampler = Sampler::new(settings.seed, number, sample);
-        let (origin, direction) = view.sampled_ray(settings.pixels, [x, y], &mut sampler);
-        record.begin(origin.as_dvec3().distance(view.pose.position.as_dvec3()));
-        let estimate = trace(scene, settings, field, origin, direction, &mut sampler, record);
-        let fits = estimate.fits_f32();
-        record.end(fits);
-        if fits {
-            let own = [estimate.direct, estimate.extended, estimate.indirect];
-            parts.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
-        } else {
-            dropped += 1;
-        }
-    }
-    let count = f64::from(settings.samples - dropped.min(settings.samples)).max(1.0);
-    (parts.map(|sum| (sum / count).as_vec3().to_array()), u64::from(dropped))
+    Some((images, dropped, records))
 }

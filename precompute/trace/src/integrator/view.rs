@@ -1,10 +1,9 @@
 //! A camera's rays, and what they hit first.
 
-use glam::{DVec3, UVec2, Vec3};
+use glam::{DVec2, DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 
-use super::scene::ReferenceScene;
-use super::settings::Pixels;
+use super::{Pixels, ReferenceScene};
 use crate::bsdf::Surface;
 use crate::sampler::Sampler;
 use crate::scene::CameraPose;
@@ -69,15 +68,17 @@ impl View {
     /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
     /// pixels from its upper left corner.
     pub(crate) fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
-        let size = self.size.as_dvec2();
-        let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
-        let half_width = half_height * size.x / size.y;
-        let ahead = DVec3::new(
-            (2.0 * x / size.x - 1.0) * half_width,
-            (1.0 - 2.0 * y / size.y) * half_height,
-            -1.0,
-        );
+        let (size, half) = (self.size.as_dvec2(), self.half());
+        let ahead =
+            DVec3::new((2.0 * x / size.x - 1.0) * half.x, (1.0 - 2.0 * y / size.y) * half.y, -1.0);
         let ray = self.pose.rotation.as_dquat() * ahead;
         ((self.pose.position.as_dvec3() + ray * f64::from(self.near)).as_vec3(), ray.normalize())
+    }
+
+    /// Half the width and height of the image on a plane at 1 metre.
+    pub(crate) fn half(&self) -> DVec2 {
+        let height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
+        let size = self.size.as_dvec2();
+        DVec2::new(height * size.x / size.y, height)
     }
 }

@@ -5,11 +5,11 @@
 //! these products, the sparsest in Haar's wavelets is taken. Beck and Teboulle 2009, "A Fast
 //! Iterative Shrinkage-Thresholding Algorithm for Linear Inverse Problems".
 
+use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2, TAU};
+
 use rayon::prelude::*;
 
-use super::haar::Haar;
-use super::patterns::Patterns;
-use super::transport::{InverseError, Transport, same};
+use super::{InverseError, Patterns, Transport, same};
 use crate::sampler::Sampler;
 
 /// Patches whose products are all below this share of the greatest are taken as black.
@@ -49,12 +49,11 @@ impl Capture {
         noise: f64,
         seed: u64,
     ) -> Result<Self, InverseError> {
-        same("pixels", patterns.pixels(), transport.projector_pixels())?;
-        let camera = transport.camera_pixels();
-        let half = transport.image(&vec![0.5; transport.projector_pixels()])?;
+        same("pixels", patterns.pixels(), transport.projector)?;
+        let camera = transport.camera;
+        let half = transport.image(&vec![0.5; transport.projector])?;
         // Two exposures are subtracted.
-        let deviation = noise.max(0.0) * std::f64::consts::SQRT_2 * half.iter().sum::<f64>()
-            / camera.max(1) as f64;
+        let deviation = noise.max(0.0) * SQRT_2 * half.iter().sum::<f64>() / camera.max(1) as f64;
         let row = |pixel: usize| -> Result<Vec<f64>, InverseError> {
             let row: Vec<f64> = transport.row(pixel).iter().map(|t| f64::from(*t)).collect();
             let mut sums = patterns.multiply(&row)?;
@@ -183,5 +182,60 @@ fn greatest_square(patterns: &Patterns) -> Result<f64, InverseError> {
 /// Box and Muller 1958.
 fn gaussian(sampler: &mut Sampler) -> f64 {
     let [radius, angle] = sampler.pair();
-    (-2.0 * (1.0 - radius).ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
+    (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * angle).cos()
+}
+
+/// An image's transform by Haar's wavelets in two dimensions, orthonormal: Haar 1910; Mallat 1989
+/// on the pyramid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Haar {
+    /// Both powers of two.
+    width: usize,
+    height: usize,
+}
+
+impl Haar {
+    pub(super) fn new(width: usize, height: usize) -> Self {
+        Self { width, height }
+    }
+
+    /// Coefficients of the image, in place.
+    pub(super) fn forward(self, image: &mut [f64]) {
+        let (mut width, mut height) = (self.width, self.height);
+        while width > 1 || height > 1 {
+            (0..height).for_each(|y| split(image, y * self.width, 1, width));
+            (0..width).for_each(|x| split(image, x, self.width, height));
+            (width, height) = ((width / 2).max(1), (height / 2).max(1));
+        }
+    }
+
+    /// The image of coefficients, in place.
+    pub(super) fn backward(self, image: &mut [f64]) {
+        let levels = self.width.max(self.height).trailing_zeros();
+        for level in (0..levels).rev() {
+            let (width, height) = ((self.width >> level).max(1), (self.height >> level).max(1));
+            (0..width).for_each(|x| join(image, x, self.width, height));
+            (0..height).for_each(|y| join(image, y * self.width, 1, width));
+        }
+    }
+}
+
+/// Sums of pairs to the first half of a line, differences to the second.
+fn split(values: &mut [f64], start: usize, stride: usize, count: usize) {
+    let line: Vec<f64> = (0..count).map(|i| values[start + i * stride]).collect();
+    for i in 0..count / 2 {
+        let (a, b) = (line[2 * i], line[2 * i + 1]);
+        values[start + i * stride] = (a + b) * FRAC_1_SQRT_2;
+        values[start + (count / 2 + i) * stride] = (a - b) * FRAC_1_SQRT_2;
+    }
+}
+
+/// The inverse of [`split`].
+fn join(values: &mut [f64], start: usize, stride: usize, count: usize) {
+    let line: Vec<f64> = (0..count).map(|i| values[start + i * stride]).collect();
+    for i in 0..count / 2 {
+        let (sum, difference) = (line[i], line[count / 2 + i]);
+        values[start + 2 * i * stride] = (sum + difference) * FRAC_1_SQRT_2;
+        values[start + (2 * i + 1) * stride] = (sum - difference) * FRAC_1_SQRT_2;
+    }
 }

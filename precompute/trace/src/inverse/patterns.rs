@@ -6,7 +6,7 @@
 
 use glam::DVec2;
 
-use super::transport::{InverseError, same};
+use super::{InverseError, same};
 use crate::fourier::Fourier;
 use crate::sampler::Sampler;
 

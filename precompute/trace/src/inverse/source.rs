@@ -8,7 +8,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::transport::InverseError;
+use super::InverseError;
 
 /// Heights from which the search starts, as shares of the plane's lit extent.
 const STARTS: [f64; 3] = [0.15, 0.5, 1.5];

@@ -4,13 +4,13 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Quat, UVec2, Vec3};
 
-use super::haar::Haar;
+use super::dual::Haar;
 use super::*;
 use crate::bsdf::Shading;
 use crate::integrator::{ReferenceScene, Settings, View, Watch, render};
 use crate::light::{Light, Sky};
 use crate::sampler::Sampler;
-use crate::scene::shapes::MeshBuilder;
+use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
 
 /// A room with a red wall and a glossy block.

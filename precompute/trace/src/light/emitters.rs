@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use crate::color::{color, luminance};
+use crate::sampler::pick;
 use crate::scene::{Hit, SceneGeometry, Side, Triangle};
 
 /// Steps along a triangle's edge at which an emissive texture is read to estimate the triangle's
@@ -94,12 +95,7 @@ impl Emitters {
 
     /// Samples a point; `None` where no triangle is emissive.
     pub(crate) fn sample(&self, choice: f64, [u1, u2]: [f64; 2]) -> Option<EmitterPoint> {
-        let power = *self.cumulative.last()?;
-        let index = self
-            .cumulative
-            .partition_point(|sum| *sum <= choice * power)
-            .min(self.triangles.len() - 1);
-        let triangle = self.triangles[index];
+        let triangle = self.triangles[pick(&self.cumulative, choice)?];
         // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
         let root = u1.sqrt();
         let (second, third) = (root * (1.0 - u2), root * u2);

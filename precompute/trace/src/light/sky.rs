@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use crate::color::{color, luminance};
+use crate::sampler::pick;
 use crate::scene::SkyMap;
 
 /// Radiance of rays that miss all geometry.
@@ -29,15 +30,20 @@ pub struct MappedSky {
     cumulative: Vec<f64>,
 }
 
-/// A sampled direction.
+/// A point of an emissive triangle, or a direction of the sky.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SkySample {
-    /// Unit length.
+pub(crate) struct Sampled {
+    /// Towards it, unit length.
     pub(crate) direction: DVec3,
+    /// Metres; infinite for the sky.
+    pub(crate) distance: f64,
     /// Nits.
     pub(crate) radiance: DVec3,
     /// Probability density, per steradian.
     pub(crate) density: f64,
+    /// Where it is; none for the sky.
+    #[cfg_attr(not(feature = "media"), expect(dead_code, reason = "fog alone asks for places"))]
+    pub(crate) point: Option<DVec3>,
 }
 
 impl Sky {
@@ -86,13 +92,9 @@ impl Sky {
     }
 
     /// Samples a direction; `None` for skies that are not sampled.
-    pub(crate) fn sample(&self, choice: f64, [u1, u2]: [f64; 2]) -> Option<SkySample> {
+    pub(crate) fn sample(&self, choice: f64, [u1, u2]: [f64; 2]) -> Option<Sampled> {
         let Self::Map(sky) = self else { return None };
-        let power = sky.cumulative.last()?;
-        let index = sky
-            .cumulative
-            .partition_point(|sum| *sum <= choice * power)
-            .min(sky.cumulative.len() - 1);
+        let index = pick(&sky.cumulative, choice)?;
         let (width, height) = sky.map.size();
         let (row, column) = (index / width as usize, index % width as usize);
         // Uniform in solid angle inside the texel: in azimuth and in the cosine of the polar angle.
@@ -100,10 +102,12 @@ impl Sky {
         let y = top + (bottom - top) * u2;
         let sine = (1.0 - y * y).max(0.0).sqrt();
         let angle = ((column as f64 + u1) / f64::from(width) - 0.5) * TAU;
-        Some(SkySample {
+        Some(Sampled {
             direction: DVec3::new(sine * angle.sin(), y, -sine * angle.cos()),
+            distance: f64::INFINITY,
             radiance: color(sky.map.texels()[index]) * sky.intensity,
             density: sky.density(index),
+            point: None,
         })
     }
 

@@ -79,23 +79,16 @@ pub(crate) enum Equiangular {
 }
 
 impl Equiangular {
-    /// Distances along `line` that a light at `point` lights.
-    pub(crate) fn towards(line: &Line, point: DVec3) -> Self {
+    /// Distances along `line` that a light at a point lights, or parallel light.
+    pub(crate) fn new(line: &Line, point: Option<DVec3>) -> Self {
+        let uniform = Self::Uniform { near: line.near, far: line.far };
+        let Some(point) = point else { return uniform };
         let ray = point - line.origin;
         let foot = ray.dot(line.direction);
         let apart = (ray - line.direction * foot).length().max(LEAST_DISTANCE);
         let angles = [line.near, line.far].map(|end| ((end - foot) / apart).atan());
         // Far away the two angles round to the same.
-        if angles[1] - angles[0] > 1e-9 {
-            Self::Point { foot, apart, angles }
-        } else {
-            Self::uniform(line)
-        }
-    }
-
-    /// Equally dense distances.
-    pub(crate) fn uniform(line: &Line) -> Self {
-        Self::Uniform { near: line.near, far: line.far }
+        if angles[1] - angles[0] > 1e-9 { Self::Point { foot, apart, angles } } else { uniform }
     }
 
     /// Samples a distance from the start of the ray, metres.

@@ -14,7 +14,6 @@ fn fog(absorption: f32, scattering: f32) -> Fog {
         scattering: [scattering; 3],
         asymmetry: 0.0,
         bounds: Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
-        distances: Distances::Combined,
     }
 }
 
@@ -85,9 +84,9 @@ fn sampled_distances_have_their_densities() {
     let fog = Fog { scattering: [0.3, 0.9, 2.0], ..fog(0.1, 0.0) };
     let line = fog.line(DVec3::new(0.2, -3.0, 0.1), DVec3::Y, 10.0).unwrap();
     assert!((line.near - 2.0).abs() < 1e-12 && (line.far - 4.0).abs() < 1e-12);
-    let point = Equiangular::towards(&line, DVec3::new(0.5, -0.4, 0.3));
-    let outside = Equiangular::towards(&line, DVec3::new(0.2, 5.0, 0.3));
-    let far = Equiangular::towards(&line, DVec3::splat(1e14));
+    let point = Equiangular::new(&line, Some(DVec3::new(0.5, -0.4, 0.3)));
+    let outside = Equiangular::new(&line, Some(DVec3::new(0.2, 5.0, 0.3)));
+    let far = Equiangular::new(&line, Some(DVec3::splat(1e14)));
     assert!(matches!(far, Equiangular::Uniform { .. }));
     let (cells, count) = (40, 1 << 16);
     let check = |sample: &dyn Fn(&mut Sampler) -> Option<f64>, density: &dyn Fn(f64) -> f64| {
@@ -161,7 +160,7 @@ fn bad_fog_is_refused() {
     assert!(fog(0.0, 0.0).is_empty() && !good.is_empty());
     // A light on the ray, and a box without volume.
     let line = good.line(DVec3::ZERO, DVec3::X, 1.0).unwrap();
-    let on = Equiangular::towards(&line, DVec3::X * 0.5);
+    let on = Equiangular::new(&line, Some(DVec3::X * 0.5));
     assert!([0.0, 0.5, 0.999].into_iter().all(|number| {
         let distance = on.sample(number);
         distance.is_finite() && on.density(distance).is_finite()

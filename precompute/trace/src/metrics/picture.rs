@@ -57,11 +57,18 @@ impl Picture {
     /// # Errors
     /// When `rgb` does not hold exactly `width` × `height` pixels.
     pub fn new(width: u32, height: u32, rgb: Vec<[u8; 3]>) -> Result<Self, PictureError> {
-        let expected = u64::from(width) * u64::from(height);
-        if rgb.len() as u64 != expected {
-            return Err(PictureError::PixelCount { width, height, expected, given: rgb.len() });
+        let picture = Self { width, height, rgb };
+        picture.check()?;
+        Ok(picture)
+    }
+
+    fn check(&self) -> Result<(), PictureError> {
+        let Self { width, height, .. } = *self;
+        let (expected, given) = (u64::from(width) * u64::from(height), self.rgb.len());
+        if given as u64 == expected {
+            return Ok(());
         }
-        Ok(Self { width, height, rgb })
+        Err(PictureError::PixelCount { width, height, expected, given })
     }
 
     /// The image whose pixel in column `x` of row `y` is `pixel(x, y)`.
@@ -105,15 +112,7 @@ impl Picture {
     /// # Errors
     /// When the image is empty, which the format does not allow, or its fields are inconsistent.
     pub fn to_png(&self) -> Result<Vec<u8>, PictureError> {
-        let expected = u64::from(self.width) * u64::from(self.height);
-        if self.rgb.len() as u64 != expected {
-            return Err(PictureError::PixelCount {
-                width: self.width,
-                height: self.height,
-                expected,
-                given: self.rgb.len(),
-            });
-        }
+        self.check()?;
         let mut bytes = Vec::new();
         PngEncoder::new(&mut bytes)
             .write_image(self.rgb.as_flattened(), self.width, self.height, ExtendedColorType::Rgb8)

@@ -13,7 +13,7 @@ use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
 
-use super::mesh::{SceneGeometry, Triangle};
+use super::{SceneGeometry, Triangle};
 
 /// Widening of triangles beyond their edges, in barycentric units.
 const EDGE_TOLERANCE: f64 = 1e-6;
@@ -55,9 +55,6 @@ pub struct Hit {
     /// Barycentric weights of the triangle's corners at the hit; they sum to 1.
     pub weights: [f32; 3],
 }
-
-/// Distance, side, and weights of the corners.
-type RawHit = (f32, Side, [f32; 3]);
 
 /// Triangles in a bounding volume hierarchy. Ignores alpha, unless a filter tests it: a cut-out
 /// counts as solid.
@@ -130,7 +127,7 @@ impl RayScene {
             return None;
         }
         let id = nearest.primitive_id as usize;
-        Some(self.hit(tree, id, self.test(tree, id, &ray)?))
+        self.test(tree, id, &ray)
     }
 
     /// Whether the ray hits any triangle in (0, `greatest_distance`); arguments as for
@@ -222,17 +219,7 @@ impl RayScene {
         })
     }
 
-    fn hit(&self, tree: &CwBvh, id: usize, (distance, side, weights): RawHit) -> Hit {
-        Hit {
-            distance,
-            side,
-            triangle: self.triangles[tree.primitive_indices[id] as usize],
-            weights,
-        }
-    }
-
-    /// Distance of an accepted hit in the tree's units, else infinity. The hit is only constructed
-    /// for a filter that reads it.
+    /// Distance of an accepted hit in the tree's units, else infinity.
     #[inline]
     fn distance_where(
         &self,
@@ -241,14 +228,15 @@ impl RayScene {
         ray: &Ray,
         accepts: &impl Fn(&Hit) -> bool,
     ) -> f32 {
-        let met = self.test(tree, id, ray).filter(|met| accepts(&self.hit(tree, id, *met)));
-        met.map_or(f32::INFINITY, |(distance, ..)| distance * self.scale)
+        let met = self.test(tree, id, ray).filter(|hit| accepts(hit));
+        met.map_or(f32::INFINITY, |hit| hit.distance * self.scale)
     }
 
-    /// Distance in metres, side and corner weights, if the ray, which is in the tree's units, hits
-    /// the triangle within its range.
-    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<RawHit> {
-        let triangle = &self.triangles[*tree.primitive_indices.get(id)? as usize];
+    /// The hit, in metres, if the ray, which is in the tree's units, hits the triangle within its
+    /// range. Inlined, so that it is only constructed for a filter that reads it.
+    #[inline]
+    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<Hit> {
+        let triangle = self.triangles[*tree.primitive_indices.get(id)? as usize];
         let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
         let metres = f64::from(self.scale.recip());
         let (origin, direction) = (
@@ -266,9 +254,11 @@ impl RayScene {
         // is false.
         let within = v >= -EDGE_TOLERANCE && w >= -EDGE_TOLERANCE && v + w <= 1.0 + EDGE_TOLERANCE;
         let distance = distance as f32;
-        (within && distance > ray.tmin && distance * self.scale <= ray.tmax).then(|| {
-            let side = if determinant > 0.0 { Side::Front } else { Side::Back };
-            (distance, side, [(1.0 - v - w) as f32, v as f32, w as f32])
+        (within && distance > ray.tmin && distance * self.scale <= ray.tmax).then_some(Hit {
+            distance,
+            side: if determinant > 0.0 { Side::Front } else { Side::Back },
+            triangle,
+            weights: [(1.0 - v - w) as f32, v as f32, w as f32],
         })
     }
 }

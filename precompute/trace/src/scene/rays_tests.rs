@@ -1,6 +1,6 @@
 use super::*;
 use crate::scene::SceneMesh;
-use crate::scene::shapes::MeshBuilder;
+use crate::scene::testing::MeshBuilder;
 
 fn scene(build: impl FnOnce(&mut MeshBuilder)) -> RayScene {
     let mut builder = MeshBuilder::new();

@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::SPEED_OF_LIGHT;
 use super::density::{bandwidth, kernel};
-use crate::integrator::{
-    Arrival, Record, ReferenceScene, Rendering, Settings, View, Watch, render_recorded,
-};
+use crate::integrator::path::{Arrival, Record};
+use crate::integrator::render::render_recorded;
+use crate::integrator::{ReferenceScene, Rendering, Settings, View, Watch};
 
 /// Frames of equal duration.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,7 +11,8 @@ use glam::DVec2;
 use super::SPEED_OF_LIGHT;
 use super::film::{TimeError, recorded};
 use crate::color::luminance;
-use crate::integrator::{Arrival, Record, ReferenceScene, Settings, View, Watch, surfaces};
+use crate::integrator::path::{Arrival, Record};
+use crate::integrator::{ReferenceScene, Settings, View, Watch, surfaces};
 
 /// What one path of `length` metres adds to a pixel's phasor, at a modulation `frequency` in hertz.
 pub fn phasor(amplitude: f64, length: f64, frequency: f64) -> DVec2 {

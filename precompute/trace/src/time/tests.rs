@@ -8,7 +8,7 @@ use super::*;
 use crate::bsdf::Shading;
 use crate::integrator::{ReferenceScene, Settings, View, Watch, render};
 use crate::light::{Light, Sky};
-use crate::scene::shapes::MeshBuilder;
+use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
 
 /// A box of 2 × 1.6 × 3 m seen from inside, scaled, with a lamp of a triangle mesh if `lit`.
@@ -340,7 +340,6 @@ fn fog_is_refused_instead_of_being_left_dark() {
         scattering: [0.1; 3],
         asymmetry: 0.0,
         bounds: crate::scene::Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
-        distances: crate::media::Distances::Combined,
     };
     let scene = room(1.0, true).with_fog(fog).unwrap();
     let timed =

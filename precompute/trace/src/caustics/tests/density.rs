@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use glam::Quat;
 
-use super::super::gather::{Point, points};
+use super::super::gather::Point;
+use super::super::map::{Photon, PhotonMap};
 use super::*;
 use crate::sampler::Sampler;
 
@@ -44,7 +45,7 @@ fn the_tree_finds_what_brute_force_finds() {
                 .map(|photon| Photon { position: Vec3::new(0.25, 0.0, 0.25), ..*photon }),
         );
         let map = PhotonMap::new(photons.clone());
-        assert_eq!((map.len(), map.is_empty()), (photons.len(), photons.is_empty()));
+        assert_eq!((map.photons.len(), map.is_empty()), (photons.len(), photons.is_empty()));
         for i in 0..50 {
             let [x, z] = Sampler::new(4, i, 0).pair().map(|number| 3.0 * number as f32 - 1.5);
             let place = Vec3::new(x, 0.01, z);
@@ -80,9 +81,8 @@ fn on_floor<T>(turn: Quat, test: impl FnOnce(&Point) -> T) -> T {
     // A Lambertian floor looks the same from everywhere: the turn is of the view.
     let from = Vec3::new(0.0, 1.0, 0.0) + turn * Vec3::X;
     let ray = (from, -from.as_dvec3().normalize());
-    let mut found = Vec::new();
-    let mut sampler = Sampler::new(1, 0, 0);
-    points(&floor, &settings, &Caustics::default(), ray, &mut sampler, |point| found.push(point));
+    let split = Split { scene: &floor, settings: &settings, caustics: &Caustics::default() };
+    let found = split.points(ray, &mut Sampler::new(1, 0, 0));
     assert_eq!(found.len(), 1);
     test(&found[0])
 }
@@ -90,10 +90,9 @@ fn on_floor<T>(turn: Quat, test: impl FnOnce(&Point) -> T) -> T {
 #[test]
 fn the_estimate_is_jensens_and_ignores_order_and_turns() {
     let photons = spread(3000, 5);
-    let caustics = Caustics::default();
     let gather = |photons: Vec<Photon>, turn| {
         let map = PhotonMap::new(photons);
-        on_floor(turn, |point| point.nearest(&caustics, &map, 50, 9.0))
+        on_floor(turn, |point| point.nearest(&map, 50, 9.0))
     };
     let found = gather(photons.clone(), Quat::IDENTITY);
     let near = brute(&photons, Vec3::ZERO, Vec3::Y);
@@ -123,13 +122,10 @@ fn an_even_field_is_even() {
     // Photons from above: 7/8 of `count`, of the mean power 1.5, on 4 m².
     let (count, nearest) = (4000, 50);
     let exact = 0.5 / PI * 1.5 * f64::from(count) * 7.0 / 8.0 / 4.0;
-    let caustics = Caustics::default();
     let values: Vec<f64> = (0..400)
         .map(|seed| {
             let map = PhotonMap::new(spread(count, 100 + seed));
-            on_floor(Quat::IDENTITY, |point| {
-                point.nearest(&caustics, &map, nearest, 9.0).radiance.x / exact
-            })
+            on_floor(Quat::IDENTITY, |point| point.nearest(&map, nearest, 9.0).radiance.x / exact)
         })
         .collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;

@@ -2,12 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
-use super::super::lights::{Sampled, emitter, shining, sky};
-use super::super::scene::ReferenceScene;
-use super::super::settings::{Settings, Strategy};
 use crate::bsdf::{Bsdf, Surface};
-use crate::light::PunctualLight;
-use crate::media::{Distances, Equiangular, Fog, Line, density, sample};
+use crate::integrator::path::{emitter, shining, sky};
+use crate::integrator::{ReferenceScene, Settings, Strategy};
+use crate::light::{PunctualLight, Sampled};
+use crate::media::{Equiangular, Fog, Line, density, sample};
 use crate::sampler::Sampler;
 
 /// A point of a path.
@@ -29,7 +28,6 @@ enum Scattering {
         /// Distance from the start of the line.
         distance: f64,
         asymmetry: f64,
-        distances: Distances,
     },
 }
 
@@ -61,7 +59,6 @@ impl Vertex {
                 density: line.density(distance),
                 distance,
                 asymmetry: fog.asymmetry(),
-                distances: fog.distances,
             },
         }
     }
@@ -97,12 +94,10 @@ impl Vertex {
     /// distance, relative to that by transmittance; 0 on surfaces.
     pub(super) fn angular(&self, point: Option<DVec3>) -> f64 {
         match &self.scattering {
-            Scattering::Fog { line, density, distance, distances, .. }
-                if *distances == Distances::Combined =>
-            {
-                angular(line, point).density(*distance) / density
+            Scattering::Fog { line, density, distance, .. } => {
+                Equiangular::new(line, point).density(*distance) / density
             }
-            _ => 0.0,
+            Scattering::Surface(_) => 0.0,
         }
     }
 
@@ -137,14 +132,6 @@ impl Vertex {
         reached
     }
 
-    /// Distance from the start of the line; 0 on surfaces.
-    fn distance(&self) -> f64 {
-        match self.scattering {
-            Scattering::Fog { distance, .. } => distance,
-            Scattering::Surface(_) => 0.0,
-        }
-    }
-
     fn punctual(&self, scene: &ReferenceScene, fog: &Fog, light: &PunctualLight) -> DVec3 {
         let Some(incident) = light.incident(self.position) else { return DVec3::ZERO };
         let reflected = self.evaluate(incident.direction).0 * incident.illuminance;
@@ -177,19 +164,19 @@ pub(super) fn along(
     sampler: &mut Sampler,
 ) -> Reached {
     let mut reached = Reached::default();
-    if fog.distances != Distances::Combined || !line.scatters {
+    if !line.scatters {
         return reached;
     }
     let at = |point: Option<DVec3>, sampler: &mut Sampler| {
-        let distances = angular(&line, point);
+        let distances = Equiangular::new(&line, point);
         let distance = distances.sample(sampler.number()).clamp(line.near, line.far);
         let own = distances.density(distance);
         let scattered = line.transmittance(distance) * fog.scattering() / own;
-        (Vertex::fog(fog, line, distance), own, scattered)
+        (Vertex::fog(fog, line, distance), own, line.density(distance), scattered)
     };
     for light in &scene.lights {
-        let (vertex, own, scattered) = at(place(light), sampler);
-        let weight = own / (own + line.density(vertex.distance()));
+        let (vertex, own, by_distance, scattered) = at(place(light), sampler);
+        let weight = own / (own + by_distance);
         reached.punctual += scattered * vertex.punctual(scene, fog, light) * weight;
     }
     if settings.strategy == Strategy::Scattering || scene.emitters.is_empty() {
@@ -197,10 +184,9 @@ pub(super) fn along(
     }
     let (choice, pair) = (sampler.number(), sampler.pair());
     if let Some(point) = scene.emitters.sample(choice, pair) {
-        let (vertex, own, scattered) = at(Some(point.position), sampler);
+        let (vertex, own, by_distance, scattered) = at(Some(point.position), sampler);
         if let Some(sampled) = shining(scene, &point, vertex.position) {
             let (light, other) = vertex.extended(scene, fog, &sampled);
-            let by_distance = line.density(vertex.distance());
             let others = by_distance * (1.0 + scattering_share(settings, other / sampled.density));
             reached.extended += scattered * light * (own / (own + others));
         }
@@ -211,11 +197,6 @@ pub(super) fn along(
 /// The density of sampling by scattering, where the strategy uses it.
 fn scattering_share(settings: &Settings, density: f64) -> f64 {
     if settings.strategy == Strategy::Lights { 0.0 } else { density }
-}
-
-/// Distances along `line` for light of a point, or of parallel light.
-fn angular(line: &Line, point: Option<DVec3>) -> Equiangular {
-    point.map_or_else(|| Equiangular::uniform(line), |point| Equiangular::towards(line, point))
 }
 
 /// Where a light is; none for parallel light.

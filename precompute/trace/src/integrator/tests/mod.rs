@@ -15,7 +15,7 @@ use crate::bsdf::Shading;
 use crate::guide::Field;
 use crate::light::{Light, Sky};
 use crate::sampler::Sampler;
-use crate::scene::shapes::MeshBuilder;
+use crate::scene::testing::MeshBuilder;
 use crate::scene::{
     CameraPose, Filter, GeometryError, RayScene, SceneGeometry, SceneMaterial, SceneTexture,
     Texels, Wrap,

@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::mesh::SceneMesh;
+use super::SceneMesh;
 
 /// Collects triangles in metres, Y up, counter-clockwise seen from their front, with normals,
 /// texture coordinates and a tint.
