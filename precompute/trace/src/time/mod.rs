@@ -7,23 +7,20 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | `density` | kernels in time, and how they shrink |
-//! | `film` | the image of each frame, in one call with the steady one |
+//! | `film` | the image of each frame, in one call with the steady one; kernels in time |
 //! | `output` | frames as layers of an OpenEXR file, as pictures and as an animation |
 //! | `flight` | a time-of-flight camera: from phases to depth |
 //! | `bounce` | what a time-of-flight camera can know of its multipath error |
 //! | `single` | distances and angles in fog that are uniform in time |
 
 mod bounce;
-mod density;
 mod film;
 mod flight;
 mod output;
 mod single;
 
 pub use bounce::without_bounce;
-pub use density::{bandwidth, kernel};
-pub use film::{Frames, Spread, TimeError, Window, frames, progressive};
+pub use film::{Frames, Spread, TimeError, Window, bandwidth, frames, kernel, progressive};
 pub use flight::{Capture, capture, depth, phases, phasor, range};
 pub use output::OutputError;
 pub use single::{AngleSample, sample_angle, sample_distance};
