@@ -6,14 +6,20 @@
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use bevy::log::{error, warn};
 use csv::{ErrorKind, Position, ReaderBuilder, StringRecord, Trim, WriterBuilder};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+/// Capacity of the queue; rows beyond it are dropped.
+const QUEUE: usize = 4096;
+/// Timeout for joining the thread when the disk does not answer.
+const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// Maximum number of characters that an error quotes from a file.
 const MAX_QUOTE: usize = 60;
 
@@ -24,7 +30,7 @@ pub(crate) fn is_on_stage() -> bool {
 
 /// A row of a log: a struct of plain fields, whose names are those of the columns. Its texts have no
 /// line breaks.
-pub trait Row: Default + Serialize + DeserializeOwned {
+pub trait Row: Default + Serialize + DeserializeOwned + Send + 'static {
     /// The plugin that writes such logs, for messages.
     const PLUGIN: &'static str;
     /// First line, with the name and version of the format and its line end. Empty: there is none.
@@ -157,54 +163,72 @@ fn to_lines<'a, R: Row>(rows: impl IntoIterator<Item = &'a R>, has_headers: bool
     String::from_utf8(bytes).expect("fields are text")
 }
 
-/// A log that an app writes row by row.
+/// A log that a thread of its own writes, so that no frame waits for the disk. The thread ends when
+/// this is dropped.
 pub(crate) struct RowLog<R> {
     path: PathBuf,
-    /// `None` once nothing more is written.
-    file: Option<File>,
-    /// Number of rows that may follow.
-    left: usize,
-    row: PhantomData<R>,
+    rows: Option<SyncSender<R>>,
+    thread: Option<JoinHandle<()>>,
+    has_warned: bool,
 }
 
 impl<R: Row> RowLog<R> {
     /// Appends to the file at `path`, at most `max_rows` rows; creates it, and its folder, where
     /// missing. Never changes a file that is not such a log. What goes wrong is logged once.
     pub(crate) fn start(path: &Path, max_rows: usize) -> Self {
-        let path = path.to_owned();
-        let mut log = Self { path, file: None, left: max_rows, row: PhantomData };
-        match open::<R>(&log.path) {
-            Ok(file) => log.file = Some(file),
-            Err(end) => log.end(&end),
+        let (sender, receiver) = sync_channel(QUEUE);
+        let file = path.to_owned();
+        let write = move || {
+            let end = open::<R>(&file).and_then(|mut file| append(&mut file, max_rows, &receiver));
+            match end {
+                Ok(()) => {}
+                Err(end @ End::Full(_)) => warn!("{} ends: {end}", file.display()),
+                Err(end) => error!("{} is not written: {end}", file.display()),
+            }
+        };
+        let thread = thread::Builder::new().name(R::PLUGIN.to_owned()).spawn(write);
+        if let Err(error) = &thread {
+            error!("{} is not written: there is no thread: {error}", path.display());
         }
-        log
+        let (rows, thread) = (Some(sender), thread.ok());
+        Self { path: path.to_owned(), rows, thread, has_warned: false }
     }
 
-    /// Writes a row, and returns whether it was.
-    pub(crate) fn push(&mut self, row: &R) -> bool {
-        let Some(file) = &mut self.file else { return false };
-        let written = append(file, &mut self.left, row);
-        if let Err(end) = &written {
-            self.end(end);
+    /// Queues a row, and returns whether it was. Never waits: warns once where the disk is too slow.
+    pub(crate) fn push(&mut self, row: R) -> bool {
+        let sent = self.rows.as_ref().map(|rows| rows.try_send(row));
+        if matches!(sent, Some(Err(TrySendError::Full(_))))
+            && !std::mem::replace(&mut self.has_warned, true)
+        {
+            warn!("{} lacks some lines: the disk is too slow", self.path.display());
         }
-        written.is_ok()
+        matches!(sent, Some(Ok(())))
     }
 
     /// Whether rows are written. False once the file is full or cannot be written.
     pub(crate) fn is_running(&self) -> bool {
-        self.file.is_some()
-    }
-
-    fn end(&mut self, end: &End) {
-        match end {
-            End::Full(_) => warn!("{} ends: {end}", self.path.display()),
-            _ => error!("{} is not written: {end}", self.path.display()),
-        }
-        self.file = None;
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 }
 
-/// Why a log ends before the app.
+impl<R> Drop for RowLog<R> {
+    fn drop(&mut self) {
+        // Without a sender the thread ends after it has written the queued rows.
+        self.rows = None;
+        let Some(thread) = self.thread.take() else { return };
+        let start = Instant::now();
+        while !thread.is_finished() && start.elapsed() < JOIN_TIMEOUT {
+            thread::sleep(Duration::from_millis(1));
+        }
+        if !thread.is_finished() {
+            warn!("{} may lack its last lines: the disk does not answer", self.path.display());
+        } else if thread.join().is_err() {
+            error!("{} may lack its last lines: its thread panicked", self.path.display());
+        }
+    }
+}
+
+/// Why the thread ends before the app.
 #[derive(Debug, thiserror::Error)]
 enum End {
     #[error("{0}: name a file in a folder in which the app may write")]
@@ -264,11 +288,18 @@ fn whole_lines(file: &mut File) -> io::Result<u64> {
     }
 }
 
-/// Writes a row, if it is one of those that are `left`.
-fn append<R: Row>(out: &mut impl Write, left: &mut usize, row: &R) -> Result<(), End> {
-    *left = left.checked_sub(1).ok_or(End::Full(R::PLUGIN))?;
-    // A whole line at once: if the app crashes, the operating system already has it.
-    out.write_all(to_lines([row], false).as_bytes()).map_err(End::Write)
+/// Writes rows as they arrive, until the sender is dropped.
+fn append<R: Row>(out: &mut impl Write, most: usize, rows: &Receiver<R>) -> Result<(), End> {
+    let mut count = 0;
+    while count < most {
+        let Ok(first) = rows.recv() else { return Ok(()) };
+        let queued = std::iter::once(first).chain(rows.try_iter()).take(most - count);
+        let batch: Vec<R> = queued.collect();
+        count += batch.len();
+        // Whole lines at once: if the app crashes, the operating system already has them.
+        out.write_all(to_lines(&batch, false).as_bytes()).map_err(End::Write)?;
+    }
+    Err(End::Full(R::PLUGIN))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Tests of written files, of their state after errors, and of what is read again.
 
 use std::fs;
+use std::sync::mpsc::channel;
 
 use proptest::prelude::*;
 use serde::Deserialize;
@@ -32,8 +33,10 @@ fn note(time_s: f64) -> Note {
 
 /// Writes these rows as one run of an app does.
 fn run(path: &Path, most: usize, rows: &[Note]) -> Result<(), End> {
-    let (mut file, mut left) = (open::<Note>(path)?, most);
-    rows.iter().try_for_each(|row| append(&mut file, &mut left, row))
+    let (sender, receiver) = channel();
+    rows.iter().for_each(|row| sender.send(row.clone()).expect("a receiver"));
+    drop(sender);
+    append(&mut open::<Note>(path)?, most, &receiver)
 }
 
 fn read(path: &Path) -> String {
@@ -174,10 +177,10 @@ fn a_full_disk_loses_only_the_rest() {
         (0..5).map(|time| Note { text: "met".into(), ..note(time.into()) }).collect();
     let whole = rows_to_text(&rows);
     for room in HEADER.len() + 1..whole.len() {
-        let (mut disk, mut left) = (SmallDisk(HEADER.into(), room), 100);
-        let mut rows = rows.iter();
-        let end = rows.try_for_each(|row| append(&mut disk, &mut left, row));
-        let end = end.expect_err("a full disk");
+        let mut disk = SmallDisk(HEADER.into(), room);
+        let (sender, receiver) = channel();
+        rows.iter().for_each(|row| sender.send(row.clone()).expect("a receiver"));
+        let end = append(&mut disk, 100, &receiver).expect_err("a full disk");
         assert!(end.to_string().contains("make room"), "{end}");
         let written = String::from_utf8(disk.0).expect("text");
         assert_eq!(written, whole[..room]);
@@ -186,13 +189,13 @@ fn a_full_disk_loses_only_the_rest() {
 }
 
 #[test]
-fn everything_is_written() {
+fn everything_is_written_when_the_log_is_dropped() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("notes.csv");
     let rows: Vec<Note> = (0..1000).map(|time| note(time.into())).collect();
     let mut log = RowLog::start(&path, 10_000);
     assert!(log.is_running());
-    rows.iter().for_each(|row| assert!(log.push(row)));
+    rows.iter().for_each(|row| assert!(log.push(row.clone())));
     drop(log);
     assert_eq!(read(&path), rows_to_text(&rows));
 }

@@ -59,8 +59,9 @@ use sample::status;
 /// Appends to an existing log, and never changes another existing file. Only one app may write a log
 /// at a time. Needs Bevy's `TimePlugin`.
 ///
-/// File errors do not affect the app: if the file cannot be written, the log says so once, with the
-/// remedy, and ends. In a browser, which has no files, there is none.
+/// File errors do not affect the app: frames never wait for the disk, and if the file cannot be
+/// written, the log says so once, with the remedy, and ends. In a browser, which has no files, there
+/// is none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControlLogPlugin {
     /// Path of the file. Missing parent folders are created.
@@ -82,7 +83,7 @@ impl ControlLogPlugin {
 
 impl Plugin for ControlLogPlugin {
     fn build(&self, app: &mut App) {
-        // A browser has no files.
+        // A browser has neither files nor threads.
         if cfg!(target_family = "wasm") {
             warn!("there is no control log: a browser has no files");
             return;
@@ -230,7 +231,7 @@ fn sample(
                 .unwrap_or_default(),
             ..common.clone()
         };
-        log.file.push(&sample);
+        log.file.push(sample);
     }
     log.switches.retain(|camera, _| cameras.contains(*camera));
     log.measured.retain(|camera, _| cameras.contains(*camera));

@@ -56,8 +56,8 @@ pub struct RecordCamera;
 /// Appends to an existing recording, and never changes another existing file. Only one app may
 /// write a recording at a time. Needs Bevy's `TimePlugin`.
 ///
-/// File errors do not affect the app: if the file cannot be written, the recorder logs one error with
-/// the remedy and turns off. In a browser, which has no
+/// File errors do not affect the app: frames never wait for the disk, and if the file cannot be
+/// written, the recorder logs one error with the remedy and turns off. In a browser, which has no
 /// files, it is always off; so is it on the stage of `frugal`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraRecorderPlugin {
@@ -112,7 +112,7 @@ struct Track {
 }
 
 impl CameraRecorder {
-    /// Number of samples of this run that were written.
+    /// Number of samples of this run that were queued for the file.
     pub fn samples(&self) -> usize {
         self.samples
     }
@@ -144,7 +144,7 @@ impl CameraRecorder {
         if track.last.is_some_and(|last| !sample.differs(&last, min_distance, min_angle)) {
             return;
         }
-        if log.push(&sample) {
+        if log.push(sample) {
             track.last = Some(sample);
             self.samples += 1;
         }
@@ -163,7 +163,7 @@ impl Drop for CameraRecorder {
 impl Plugin for CameraRecorderPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<RecordCamera>();
-        // A browser has no files.
+        // A browser has neither files nor threads.
         if cfg!(target_family = "wasm") {
             warn!("cameras are not recorded: a browser has no files");
             return;
