@@ -119,7 +119,7 @@ fn search(
         space: &space,
         layout: &layout,
         bounds: &map_bounds,
-        lens,
+        lens: stage.lens,
         idle: stage.idle,
         describe: &describe,
     };
