@@ -37,12 +37,7 @@ fn with_fog(geometry: SceneGeometry, scattering: f32) -> ReferenceScene {
     let rays = RayScene::from_geometry(&geometry);
     let scene = ReferenceScene::new(geometry.into(), rays.into(), &[], Sky::Black).unwrap();
     let bounds = Bounds { min: Vec3::splat(-2.0), max: Vec3::splat(2.0) };
-    let fog = Fog {
-        absorption: [0.0; 3],
-        scattering: [scattering; 3],
-        asymmetry: 0.0,
-        bounds,
-    };
+    let fog = Fog { absorption: [0.0; 3], scattering: [scattering; 3], asymmetry: 0.0, bounds };
     scene.with_fog(fog).unwrap()
 }
 
