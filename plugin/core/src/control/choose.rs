@@ -195,6 +195,8 @@ const LARGE_RATE: f64 = 1e12;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Dwell {
     target: Option<KnobLevels>,
+    /// What the target cost where a frontier had it last.
+    pub(super) cost: Option<CostPoint>,
     seconds: f64,
     /// Position and viewing direction at the last change.
     view: Option<(Vec3, Vec3)>,
@@ -221,6 +223,7 @@ impl Dwell {
     ) -> KnobLevels {
         self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
         if self.target == Some(wanted.settings) {
+            self.cost = Some(wanted.cost);
             return wanted.settings;
         }
         let stays = |cost: CostPoint| {
@@ -242,7 +245,7 @@ impl Dwell {
         {
             return held;
         }
-        (self.target, self.seconds) = (Some(wanted.settings), 0.0);
+        (self.target, self.cost, self.seconds) = (Some(wanted.settings), Some(wanted.cost), 0.0);
         (self.view, self.has_moved) = (None, false);
         wanted.settings
     }

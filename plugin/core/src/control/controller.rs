@@ -141,10 +141,19 @@ impl Inputs<'_> {
             let CostPoint { power, error } = found.frontier.estimate(space, settings)?;
             Some(CostPoint { power: power + charge(settings), error })
         };
+        let known = filter.dwell.cost;
         let (seconds, dwell) = (self.delta_seconds, self.settings.dwell.as_secs_f64());
         let mut held_cost = None;
         let target = filter.dwell.choose(choice, seconds, dwell, |held| {
-            held_cost = cost_of(held);
+            // On this frontier other settings may be better than those in use: between its points these
+            // would seem cheaper than they are.
+            held_cost = cost_of(held).map(|cost| {
+                let is_on = found.frontier.points().iter().any(|point| point.settings == held);
+                match known {
+                    Some(known) if !is_on => CostPoint { power: known.power, ..cost },
+                    _ => cost,
+                }
+            });
             held_cost
         });
         let held_cost = held_cost.filter(|_| target != choice.settings);

@@ -104,6 +104,25 @@ fn settings_of_others_are_where_the_transition_starts() {
     assert!(found.applied != high && found.applied != low, "{found:?}");
 }
 
+#[test]
+fn settings_that_a_views_frontier_lacks_cost_what_they_did() {
+    let mut map = testing::map(1);
+    let here = map.look_up(&testing::view()).expect("a frontier").frontier.clone();
+    let ends = Frontier::from_points([here.points()[0].clone(), here.points()[2].clone()]);
+    let others = map.octree.frontiers.iter_mut().filter(|one| **one != here);
+    others.for_each(|one| *one = ends.clone());
+    let mut controller = CameraController::default();
+    let mut inputs = inputs(&map, Budget::power(Watts(8.0)), None);
+    let first = controller.step(&inputs).expect("a decision");
+    assert_eq!(first.predicted.power, Watts(7.0));
+    // Along +X, where these settings are on no frontier: between its points they would cost 6.75 W.
+    inputs.view.rotation = glam::Quat::from_rotation_y(-1.4);
+    assert_eq!(map.look_up(&inputs.view).map(|found| found.frontier), Some(&ends));
+    inputs.current = Some(first.applied);
+    let held = controller.step(&inputs).expect("a decision");
+    assert_eq!((held.target, held.predicted.power), (first.target, Watts(7.0)));
+}
+
 /// Plays `seconds` at eight frames a second along a view that `x` moves; returns applied powers.
 fn walk(budget: Budget, seconds: usize, x: impl Fn(f32) -> f32) -> Vec<(KnobLevels, f64)> {
     let map = testing::map(1);
