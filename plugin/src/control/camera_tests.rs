@@ -53,6 +53,8 @@ fn app_with(files: Dir) -> App {
 /// a camera with that view direction.
 fn scene(budget: Budget) -> (App, Entity, Handle<FrontierMap>) {
     let mut app = app_with(Dir::default());
+    let mut control = app.world_mut().resource_mut::<ControlSettings>();
+    (control.transition, control.fall) = (Duration::from_secs(1), Duration::from_millis(500));
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
     let camera = app
         .world_mut()

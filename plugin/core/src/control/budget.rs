@@ -204,20 +204,18 @@ impl Budget {
 
 /// Settings of the controller, for all cameras. Times are real time: [`Duration::ZERO`] switches at
 /// once, [`Duration::MAX`] never.
-///
-/// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "bevy", derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect))]
 #[cfg_attr(feature = "bevy", reflect(Resource, Default, Clone, Debug, PartialEq))]
 pub struct ControlSettings {
     /// Duration of every transition except a fall under a power limit. Higher values change quality
     /// more gradually and follow the view later, which costs power under an error limit; lower
-    /// values follow sooner and change quality more visibly. Default: 1 s; Wang et al. 2016, equation
-    /// 3.8, use 2 s.
+    /// values follow sooner, pass through fewer settings that are on no frontier, and change quality
+    /// more visibly. Default: 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
     pub transition: Duration,
     /// Duration of a fall to cheaper settings under a power limit. Lower values end an excess over
     /// the limit sooner and change quality more visibly; higher values change it more gradually and
-    /// exceed the limit for longer. Default: 0.5 s.
+    /// exceed the limit for longer. Default: 0.3 s.
     pub fall: Duration,
     /// Shortest time between two changes of the target. It ends early when the budget cannot bear
     /// the present target, with another budget, and at a cut. Higher values change quality less
@@ -230,7 +228,7 @@ pub struct ControlSettings {
 
 impl ControlSettings {
     /// Default of [`transition`](Self::transition).
-    pub const TRANSITION: Duration = Duration::from_secs(1);
+    pub const TRANSITION: Duration = Duration::from_millis(300);
 
     /// Transition times under `budget`. An infinite limit counts as none. With two limits the power
     /// limit decides, as it does where they conflict. An error limit alone applies to the mean, so
@@ -248,7 +246,7 @@ impl Default for ControlSettings {
     fn default() -> Self {
         Self {
             transition: Self::TRANSITION,
-            fall: Duration::from_millis(500),
+            fall: Self::TRANSITION,
             dwell: Duration::from_secs(1),
             power_feedback: true,
         }

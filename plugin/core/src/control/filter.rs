@@ -1,7 +1,7 @@
 //! Temporal filter: moves settings to their target level by level, so that quality never jumps.
 //!
 //! Wang et al. 2016, equation 3.8: `s = round((1 − t/T)·s_old + (t/T)·s_new)` for each knob, t
-//! seconds after the target changed; T is 2 s there and 1 s here. For a constant target the filter
+//! seconds after the target changed; T is 2 s there and 0.3 s here. For a constant target the filter
 //! equals this closed form.
 //!
 //! Where a target changes before T has passed, every knob continues from its unrounded position. A
@@ -13,8 +13,7 @@
 //! within T: before the other is switched on, or after it is switched off. Otherwise settings on
 //! the way would be on no frontier: lights without rays shine through walls.
 //!
-//! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
-//! exceeded, and rise slowly when power is left over.
+//! T may differ up and down ([`TransitionTimes`]).
 
 use std::cmp::Ordering;
 
