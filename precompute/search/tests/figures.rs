@@ -31,7 +31,7 @@ fn every_figure_of_the_documents_is_in_the_data() {
 
 /// Sections of results.md, and the files in docs/data that their prose may take figures from.
 const PROSE: [(&str, &[&str]); 7] = [
-    ("Error at equal power", &["policies", "meters"]),
+    ("Error at equal power", &["policies", "meters", "rendered"]),
     ("Metered on a GPU", &["metered"]),
     ("Knobs", &["knobs", "levels"]),
     ("Accuracy", &["accuracy", "bounces"]),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use frugal_search::evaluate::Made;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -12,6 +12,8 @@ type Failure = Box<dyn std::error::Error>;
 pub(crate) struct Data {
     pub(crate) policies: Policies,
     pub(crate) meters: Rows<MeterRow>,
+    /// Plays of records beside the same rendered; for the prose alone.
+    pub(crate) rendered: Rows<IgnoredAny>,
     pub(crate) metered: Metered,
     pub(crate) knobs: Rows<KnobRow>,
     pub(crate) levels: Rows<LevelRow>,
@@ -32,6 +34,7 @@ impl Data {
         Ok(Self {
             policies: read(folder, "policies")?,
             meters: read(folder, "meters")?,
+            rendered: read(folder, "rendered")?,
             metered: read(folder, "metered")?,
             knobs: read(folder, "knobs")?,
             levels: read(folder, "levels")?,
@@ -45,10 +48,11 @@ impl Data {
     }
 
     /// How each file was made.
-    pub(crate) fn made(&self) -> [(&'static str, &Made); 11] {
+    pub(crate) fn made(&self) -> [(&'static str, &Made); 12] {
         [
             ("policies", &self.policies.made),
             ("meters", &self.meters.made),
+            ("rendered", &self.rendered.made),
             ("metered", &self.metered.made),
             ("accuracy", &self.accuracy.made),
             ("bounces", &self.bounces.made),
