@@ -108,7 +108,7 @@ fn settings_of_others_are_where_the_transition_starts() {
 fn settings_that_a_views_frontier_lacks_cost_what_they_did() {
     let mut map = testing::map(1);
     let here = map.look_up(&testing::view()).expect("a frontier").frontier.clone();
-    let ends = Frontier::from_points([here.points()[0].clone(), here.points()[2].clone()]);
+    let ends = Frontier::from_points([here.points()[0], here.points()[2]]);
     let others = map.octree.frontiers.iter_mut().filter(|one| **one != here);
     others.for_each(|one| *one = ends.clone());
     let mut controller = CameraController::default();
