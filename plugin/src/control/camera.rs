@@ -305,8 +305,8 @@ fn warn_of_misfits(
     }
 }
 
-/// Removes the controller's state from a camera that is no longer controlled. Its [`KnobSettings`]
-/// and [`KnobBounds`] stay and belong to the app from then on.
+/// Removes the controller's state from a camera that is no longer controlled. Its `KnobSettings`
+/// and `KnobBounds` stay and belong to the app from then on.
 pub(super) fn forget_camera<C: Component>(removed: On<Remove, C>, mut commands: Commands) {
     let camera = removed.entity;
     // The removed components are still present here, both where both are removed at once.

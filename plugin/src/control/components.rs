@@ -117,7 +117,7 @@ pub(super) struct CameraState {
 }
 
 /// One power limit for all active controlled cameras together, beside the limits of their own
-/// [`Budget`](super::Budget)s.
+/// [`Budget`]s.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct AppBudget {

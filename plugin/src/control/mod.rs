@@ -7,7 +7,7 @@
 //! | [`Budget`] | the app | its limits: power, error, energy, time, battery, heat |
 //! | [`KnobBounds`] | the app, and whoever writes to `KnobSettings` | levels that the controller may set |
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
-//! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |
+//! | [`MapFit`] | the controller | how well the map fits this app |
 //! | [`ErrorFeedback`] | the [error meter](crate::error_meter), or the app | how measured errors compare with predicted ones |
 //! | [`RateTracker`] | the controller | the exchange rate of power and error, and what was spent of the budget |
 //! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app may call [`cut`](SettingsFilter::cut) on it |

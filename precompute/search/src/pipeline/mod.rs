@@ -1,6 +1,6 @@
 //! From cameras to a map: screening, pool, blocks of cameras, fit, calibration.
 //!
-//! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
+//! All renderings go through `Renderings` and are journaled, as are proposals, which take seconds.
 //! Everything else that follows from renderings is recomputed when a run is resumed. Independent of
 //! the renderer: [`Measure`] renders.
 mod clock;
