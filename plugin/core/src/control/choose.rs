@@ -194,9 +194,8 @@ const LARGE_RATE: f64 = 1e12;
 /// The target in use, and since when.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Dwell {
-    target: Option<KnobLevels>,
-    /// What the target cost where a frontier had it last.
-    pub(super) cost: Option<CostPoint>,
+    /// With its error in this frame's view, and its power where a frontier had it last.
+    target: Option<(KnobLevels, CostPoint)>,
     seconds: f64,
     /// Position and viewing direction at the last change.
     view: Option<(Vec3, Vec3)>,
@@ -212,20 +211,17 @@ impl Dwell {
         self.has_moved |= position.distance(then.0) > MOVED.0 || forward.dot(then.1) < MOVED.1;
     }
 
-    /// The target of this frame, `delta_seconds` after the last: that of `wanted`, or the one in use.
-    /// `cost_of` is what settings cost here, in the watts of `wanted`.
+    /// The target of this frame, `delta_seconds` after the last, and what it costs here: that of `wanted`,
+    /// or the one in use. `cost_of`: what settings cost here, in the watts of `wanted`, from what they cost
+    /// before.
     pub(super) fn choose(
         &mut self,
         wanted: &Choice,
         delta_seconds: f64,
         dwell_seconds: f64,
-        cost_of: impl FnOnce(KnobLevels) -> Option<CostPoint>,
-    ) -> KnobLevels {
+        cost_of: impl FnOnce(KnobLevels, CostPoint) -> Option<CostPoint>,
+    ) -> (KnobLevels, CostPoint) {
         self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
-        if self.target == Some(wanted.settings) {
-            self.cost = Some(wanted.cost);
-            return wanted.settings;
-        }
         let stays = |cost: CostPoint| {
             let is_borne = cost.power <= wanted.most.power && cost.error <= wanted.most.error;
             let rate = wanted.watts_per_error.min(LARGE_RATE);
@@ -240,14 +236,19 @@ impl Dwell {
             // Not `>=`, so that NaN does not wait for ever.
             is_borne && (self.seconds < dwell_seconds || gain < least)
         };
-        if let Some(held) = self.target
-            && cost_of(held).is_some_and(stays)
-        {
-            return held;
-        }
-        (self.target, self.cost, self.seconds) = (Some(wanted.settings), Some(wanted.cost), 0.0);
-        (self.view, self.has_moved) = (None, false);
-        wanted.settings
+        let target = match self.target {
+            Some((held, known)) if held != wanted.settings => {
+                cost_of(held, known).filter(|cost| stays(*cost)).map(|cost| (held, cost))
+            }
+            Some(_) => Some((wanted.settings, wanted.cost)),
+            None => None,
+        };
+        let target = target.unwrap_or_else(|| {
+            (self.seconds, self.view, self.has_moved) = (0.0, None, false);
+            (wanted.settings, wanted.cost)
+        });
+        self.target = Some(target);
+        target
     }
 
     /// Lets the next target in at once.

@@ -82,6 +82,17 @@ fn cost(settings: KnobLevels) -> Option<CostPoint> {
     Some(if settings == LOW { CostPoint::new(5.0, 0.03) } else { CostPoint::new(6.0, 0.01) })
 }
 
+/// The target where settings cost what `cost` says.
+fn choose_by(
+    dwell: &mut Dwell,
+    wanted: &Choice,
+    delta_seconds: f64,
+    dwell_seconds: f64,
+    cost: fn(KnobLevels) -> Option<CostPoint>,
+) -> KnobLevels {
+    dwell.choose(wanted, delta_seconds, dwell_seconds, |held, _| cost(held)).0
+}
+
 /// A choice of which the budget can bear `most` watts, at `rate` watts per unit of error.
 fn wanting(settings: KnobLevels, most: f64, rate: f64) -> Choice {
     Choice {
@@ -100,7 +111,7 @@ fn alternating_targets_change_once_a_second() {
     for frame in 0..600 {
         // One is worth the change, and then the other.
         let (wanted, rate) = if (frame / 6) % 2 == 0 { (LOW, 10.0) } else { (HIGH, 100.0) };
-        let target = dwell.choose(&wanting(wanted, 7.0, rate), 1.0 / 60.0, 1.0, cost);
+        let target = choose_by(&mut dwell, &wanting(wanted, 7.0, rate), 1.0 / 60.0, 1.0, cost);
         changes += usize::from(target != last);
         last = target;
     }
@@ -111,20 +122,20 @@ fn alternating_targets_change_once_a_second() {
 fn the_first_change_a_budget_that_cannot_bear_it_and_a_cut_do_not_wait() {
     let start = || {
         let mut dwell = Dwell::default();
-        assert_eq!(dwell.choose(&wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), LOW);
+        assert_eq!(choose_by(&mut dwell, &wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), LOW);
         for _ in 0..20 {
-            assert_eq!(dwell.choose(&wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), LOW);
+            assert_eq!(choose_by(&mut dwell, &wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), LOW);
         }
-        assert_eq!(dwell.choose(&wanting(HIGH, 7.0, 100.0), 0.1, 1.0, cost), HIGH);
+        assert_eq!(choose_by(&mut dwell, &wanting(HIGH, 7.0, 100.0), 0.1, 1.0, cost), HIGH);
         dwell
     };
-    assert_eq!(start().choose(&wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), HIGH);
-    assert_eq!(start().choose(&wanting(LOW, 5.9, 1.0), 0.1, 1.0, cost), LOW, "not borne");
+    assert_eq!(choose_by(&mut start(), &wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), HIGH);
+    assert_eq!(choose_by(&mut start(), &wanting(LOW, 5.9, 1.0), 0.1, 1.0, cost), LOW, "not borne");
     let mut cut = start();
     cut.end();
-    assert_eq!(cut.choose(&wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), LOW);
+    assert_eq!(choose_by(&mut cut, &wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost), LOW);
     let now = |dwell_seconds, cost: fn(KnobLevels) -> Option<CostPoint>| {
-        start().choose(&wanting(LOW, 7.0, 1.0), 0.1, dwell_seconds, cost)
+        choose_by(&mut start(), &wanting(LOW, 7.0, 1.0), 0.1, dwell_seconds, cost)
     };
     assert_eq!(now(f64::NAN, cost), LOW);
     assert_eq!(now(1.0, |_| None), LOW, "unknown");
@@ -135,13 +146,13 @@ fn the_first_change_a_budget_that_cannot_bear_it_and_a_cut_do_not_wait() {
 #[test]
 fn a_change_must_be_worth_it() {
     let mut dwell = Dwell::default();
-    dwell.choose(&wanting(LOW, 7.0, 50.0), 0.1, 0.0, cost);
+    choose_by(&mut dwell, &wanting(LOW, 7.0, 50.0), 0.1, 0.0, cost);
     // 6 W and 0.01 for 5 W and 0.03: worth it from 50 W for each unit of error, and back a little
     // below that.
     for (wanted, rate, expected) in
         [(HIGH, 49.0, LOW), (HIGH, 51.0, HIGH), (LOW, 49.0, HIGH), (LOW, 44.0, LOW)]
     {
-        let found = dwell.choose(&wanting(wanted, 7.0, rate), 0.1, 0.0, cost);
+        let found = choose_by(&mut dwell, &wanting(wanted, 7.0, rate), 0.1, 0.0, cost);
         assert_eq!(found, expected, "{rate}");
     }
     // Where the error's limit decides, the cheaper one spends.
@@ -149,17 +160,17 @@ fn a_change_must_be_worth_it() {
         let choice = wanting(settings, 7.0, rate);
         Choice { most: CostPoint::new(7.0, 0.1), ..choice }
     };
-    assert_eq!(dwell.choose(&by_error(HIGH, 51.0), 0.1, 0.0, cost), LOW);
-    assert_eq!(dwell.choose(&by_error(HIGH, 60.0), 0.1, 0.0, cost), HIGH);
+    assert_eq!(choose_by(&mut dwell, &by_error(HIGH, 51.0), 0.1, 0.0, cost), LOW);
+    assert_eq!(choose_by(&mut dwell, &by_error(HIGH, 60.0), 0.1, 0.0, cost), HIGH);
     // In a still view errors alone count, and what is better stays while it can be borne.
-    assert_eq!(dwell.choose(&wanting(LOW, 7.0, f64::INFINITY), 9.0, 0.0, cost), HIGH);
-    assert_eq!(dwell.choose(&wanting(LOW, 5.5, f64::INFINITY), 9.0, 0.0, cost), LOW);
+    assert_eq!(choose_by(&mut dwell, &wanting(LOW, 7.0, f64::INFINITY), 9.0, 0.0, cost), HIGH);
+    assert_eq!(choose_by(&mut dwell, &wanting(LOW, 5.5, f64::INFINITY), 9.0, 0.0, cost), LOW);
 }
 
 #[test]
 fn a_view_moves_by_distance_or_angle_and_rests_at_a_change() {
     let mut dwell = Dwell::default();
-    dwell.choose(&wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost);
+    choose_by(&mut dwell, &wanting(LOW, 7.0, 1.0), 0.1, 1.0, cost);
     for (position, forward, expected) in [
         (Vec3::ZERO, Vec3::NEG_Z, false),
         (Vec3::X * 0.1, Vec3::NEG_Z, false),
@@ -170,7 +181,7 @@ fn a_view_moves_by_distance_or_angle_and_rests_at_a_change() {
         dwell.see((position, forward));
         assert_eq!(dwell.has_moved, expected, "{position}");
     }
-    dwell.choose(&wanting(HIGH, 7.0, 100.0), 9.0, 1.0, cost);
+    choose_by(&mut dwell, &wanting(HIGH, 7.0, 100.0), 9.0, 1.0, cost);
     assert!(!dwell.has_moved);
     dwell.see((Vec3::ZERO, Vec3::NEG_Z));
     dwell.see((Vec3::ZERO, Vec3::new(0.1, 0.0, -1.0).normalize()));

@@ -137,32 +137,25 @@ impl Inputs<'_> {
         let space = self.store.knobs();
         let corrected =
             |cost: CostPoint| CostPoint { power: self.correction.corrected(cost.power), ..cost };
-        let cost_of = |settings: KnobLevels| {
+        let cost_of = |settings: KnobLevels, known: Option<CostPoint>| {
             let CostPoint { power, error } = found.frontier.estimate(space, settings)?;
-            Some(CostPoint { power: power + charge(settings), error })
+            // Points of this frontier may be better than settings that it lacks: between them these would
+            // seem cheaper than they are.
+            let known = known.filter(|_| found.frontier.exact(settings).is_none());
+            let power = known.map_or_else(|| power + charge(settings), |known| known.power);
+            Some(CostPoint { power, error })
         };
-        let known = filter.dwell.cost;
         let (seconds, dwell) = (self.delta_seconds, self.settings.dwell.as_secs_f64());
-        let mut held_cost = None;
-        let target = filter.dwell.choose(choice, seconds, dwell, |held| {
-            // On this frontier other settings may be better than those in use: between its points these
-            // would seem cheaper than they are.
-            held_cost = cost_of(held).map(|cost| {
-                let is_on = found.frontier.points().iter().any(|point| point.settings == held);
-                match known {
-                    Some(known) if !is_on => CostPoint { power: known.power, ..cost },
-                    _ => cost,
-                }
-            });
-            held_cost
-        });
-        let held_cost = held_cost.filter(|_| target != choice.settings);
-        let target_cost = held_cost.unwrap_or(choice.cost);
+        let held_cost = |held, known| cost_of(held, Some(known));
+        let (target, target_cost) = filter.dwell.choose(choice, seconds, dwell, held_cost);
         let limit = limits.peak.or(limits.power);
         let times = self.settings.times(&Budget::new(limit, limits.error));
         let applied = filter.step(space, target, seconds, times);
-        let cost =
-            if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
+        let cost = if applied == target {
+            target_cost
+        } else {
+            cost_of(applied, None).unwrap_or(target_cost)
+        };
         rates.spend(cost, self.delta_seconds);
         let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
         Decisions {

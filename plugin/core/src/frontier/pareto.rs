@@ -144,16 +144,22 @@ impl Frontier {
         area
     }
 
+    /// Power and error of `settings` where they are a point of the frontier.
+    pub fn exact(&self, settings: KnobLevels) -> Option<CostPoint> {
+        let mut points = self.points().iter();
+        points.find(|point| point.settings == settings).map(|point| point.cost)
+    }
+
     /// Power and error of any `settings` of `space`. Exact for a point of the frontier; else
     /// interpolated, by the distance in levels, between the most expensive point with no higher level and
     /// the cheapest with no lower level. `None` where the frontier is empty.
     ///
     /// Allocates nothing. Linear in points × knobs, so it is for settings in transition only.
     pub fn estimate(&self, space: &KnobSpace, settings: KnobLevels) -> Option<CostPoint> {
-        let points = self.points();
-        if let Some(exact) = points.iter().find(|point| point.settings == settings) {
-            return Some(exact.cost);
+        if let Some(exact) = self.exact(settings) {
+            return Some(exact);
         }
+        let points = self.points();
         let is_below = |low: KnobLevels, high: KnobLevels| {
             (0..space.len()).all(|knob| low.level(knob) <= high.level(knob))
         };
