@@ -109,7 +109,7 @@ impl Common<'_> {
             + idle.unwrap_or(Watts(0.0)) * counted_again;
         let mut sum = Curve::default();
         for frame in frames {
-            sum.add(&Curve::of(&frame.frontier, frame.weight));
+            sum.add(&Curve::of(frame.frontier(), frame.weight));
         }
         rates.begin(Some(limit.0), None, Budget::HORIZON.as_secs_f64());
         let hold = self.settings.dwell.as_secs_f64();
@@ -156,7 +156,7 @@ fn allowed<'a>(
         Some((settings, CostPoint { power, error }))
     };
     let most = frame.choice.cost.power;
-    let points = frame.frontier.points().iter().take_while(move |point| point.cost.power <= most);
+    let points = frame.frontier().points().iter().take_while(move |point| point.cost.power <= most);
     points.filter_map(charged)
 }
 
@@ -264,7 +264,6 @@ fn take(
 
 #[cfg(test)]
 mod tests {
-    use std::borrow::Cow;
     use std::sync::Arc;
 
     use frugal_core::control::Limits;
@@ -339,7 +338,7 @@ mod tests {
                         limits: Limits::default(),
                         space: Arc::new(map.knobs.clone()),
                         found: SampleRef { frontier, ..found },
-                        frontier: Cow::Borrowed(frontier),
+                        bounded: None,
                         choice: select(frontier, &Budget::default()).expect("the best"),
                         most: Watts(f64::INFINITY),
                         agreed: None,

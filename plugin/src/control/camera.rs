@@ -1,6 +1,5 @@
 //! One system for every camera's frame: look up, choose, divide, switch, write.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use bevy::ecs::system::SystemParam;
@@ -134,8 +133,9 @@ impl Common<'_> {
             }
         };
         pin_what_others_wrote(camera, &space);
-        let bounded = whole.and_then(|whole| camera.bounds.within(&space, whole));
-        let frontier = bounded.map(Cow::Owned).or(whole.map(Cow::Borrowed));
+        let state = camera.state.bypass_change_detection();
+        let bounded = whole.and_then(|whole| state.bounded.get(&camera.bounds, &space, whole));
+        let frontier = bounded.as_deref().or(whole);
         // Both advance every frame without a change for others to detect.
         let filter = camera.filter.bypass_change_detection();
         let rates = camera.rates.bypass_change_detection();
@@ -159,10 +159,9 @@ impl Common<'_> {
             errors: *camera.errors,
             settings: *self.settings,
         };
-        let choice =
-            frontier.as_ref().and_then(|frontier| given.choose(&limits, frontier, rates, filter));
+        let choice = frontier.and_then(|frontier| given.choose(&limits, frontier, rates, filter));
         let has_moved = filter.has_moved() && !rates.is_instant();
-        let (Some(found), Some(frontier), Some(mut choice)) = (found, frontier, choice) else {
+        let (Some(found), Some(mut choice)) = (found, choice) else {
             let refusal = refuse(logged, OffReason::NothingKnown, || {
                 "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
             });
@@ -172,7 +171,7 @@ impl Common<'_> {
             let best = found.frontier.points().last();
             best.is_some_and(|best| best.cost.error < choice.cost.error)
         };
-        if matches!(frontier, Cow::Owned(_)) && choice.binding.is_none() && is_excluded() {
+        if bounded.is_some() && choice.binding.is_none() && is_excluded() {
             choice.binding = Some(Limit::KnobBounds);
         }
         let weight = weight_of(camera.camera, camera.priority);
@@ -181,7 +180,7 @@ impl Common<'_> {
         let could_stay = could_stay.map(|limit| limit.0).fold(f64::INFINITY, f64::min);
         let most = if has_moved { choice.most.power } else { Watts(could_stay) };
         let agreed = None;
-        Ok(Frame { weight, has_moved, given, limits, space, found, frontier, choice, most, agreed })
+        Ok(Frame { weight, has_moved, given, limits, space, found, bounded, choice, most, agreed })
     }
 
     /// How well the camera's map fits the app.

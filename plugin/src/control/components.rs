@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use frugal_core::control::{RateTracker, RatedAt};
+use frugal_core::control::{BoundedFrontier, RateTracker, RatedAt};
 
 use super::{Budget, ErrorFeedback, KnobBounds, Limit, Outcome, SettingsFilter};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, Misfit, SampleCamera};
@@ -112,6 +112,7 @@ pub(super) struct CameraState {
     /// Of the camera's map; `None` for other stores.
     pub(super) rated_at: Option<RatedAt>,
     pub(super) is_active: bool,
+    pub(super) bounded: BoundedFrontier,
     /// How long each misfit has lasted, seconds; infinite once it was logged.
     pub(super) misfits: [f64; Misfit::ALL.len()],
 }

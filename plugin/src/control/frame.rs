@@ -1,6 +1,5 @@
 //! A controlled camera, and its frame between look-up and switch.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use bevy::ecs::query::QueryData;
@@ -54,14 +53,21 @@ pub(super) struct Frame<'a> {
     pub(super) space: Arc<KnobSpace>,
     /// The sample camera, and the frontier in play.
     pub(super) found: SampleRef<'a>,
-    /// The frontier that choices are made from: that one, or the part of it within the camera's bounds.
-    pub(super) frontier: Cow<'a, Frontier>,
+    /// The part of it within the camera's bounds, if it has any.
+    pub(super) bounded: Option<Arc<Frontier>>,
     /// In the store's watts.
     pub(super) choice: Choice,
     /// The power that its own budget can bear now, in the store's watts: in a still view what could stay.
     pub(super) most: Watts,
     /// Levels of the knobs that the cameras share, and what they cost.
     pub(super) agreed: Option<Agreement<'a>>,
+}
+
+impl Frame<'_> {
+    /// The frontier that choices are made from.
+    pub(super) fn frontier(&self) -> &Frontier {
+        self.bounded.as_deref().unwrap_or(self.found.frontier)
+    }
 }
 
 /// How much a camera's error counts: its priority times its pixels.

@@ -156,15 +156,16 @@ fn start_sampler(
     }
 }
 
-/// Publishes the figures of the sampler. Warns once of each fault.
+/// Publishes changed figures of the sampler. Warns once of each fault.
 fn publish_power(
     sampler: Res<RunningSampler>,
     mut metered: ResMut<MeteredPower>,
     mut diagnostics: Diagnostics,
+    mut seen: Local<Option<(u64, bool)>>,
     mut said: Local<SaidFaults>,
     mut started: Local<Option<Instant>>,
 ) {
-    let snapshot = sampler.0.snapshot();
+    let Some(snapshot) = sampler.0.snapshot_if_changed(&mut seen) else { return };
     if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > metered.sample_count) {
         diagnostics.add_measurement(&PowerPlugin::POWER, || latest.0);
     }

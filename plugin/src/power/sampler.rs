@@ -60,6 +60,8 @@ struct Published {
     snapshot: PowerSnapshot,
     /// Longest time until the next update that is no hang.
     patience: Duration,
+    /// Increases with every poll.
+    revision: u64,
     /// Time of the thread's last update.
     at: Instant,
 }
@@ -85,12 +87,21 @@ impl PowerSampler {
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
     pub fn fine(meter: Box<dyn PowerMeter>) -> Result<Self, MeterError> {
+        let interval = FINE_INTERVAL;
+        Self::of(meter, SamplerSettings { interval, smoothing: Duration::ZERO }, true)
+    }
+
+    /// Samples an open meter.
+    fn of(
+        meter: Box<dyn PowerMeter>,
+        settings: SamplerSettings,
+        is_fine: bool,
+    ) -> Result<Self, MeterError> {
         let mut meter = Some(meter);
         let open = move || {
             meter.take().ok_or_else(|| MeterError::unavailable("sampler", "it was opened").into())
         };
-        let interval = FINE_INTERVAL;
-        Self::start(open, SamplerSettings { interval, smoothing: Duration::ZERO }, true)
+        Self::start(open, settings, is_fine)
     }
 
     /// Opens a meter on the sampling thread, which may block, and starts to sample it. When `open`
@@ -109,6 +120,7 @@ impl PowerSampler {
             origin,
             snapshot: PowerSnapshot::default(),
             patience: OPEN_TIMEOUT,
+            revision: 0,
             at: origin,
         }));
         let (stop, stopped) = mpsc::channel();
@@ -125,8 +137,7 @@ impl PowerSampler {
                             if let OpenMeterError::Meter(MeterError::Unreadable { .. }) = error {
                                 wait = FIRST_REOPENING;
                             }
-                            let reason = error.to_string();
-                            lock(&shared).snapshot.lose(MeterState::Unavailable { reason });
+                            refuse(&shared, error.to_string());
                         }
                     }
                     if stopped.recv_timeout(wait) != Err(mpsc::RecvTimeoutError::Timeout) {
@@ -147,16 +158,35 @@ impl PowerSampler {
     /// The current figures. Never waits for the meter.
     pub fn snapshot(&self) -> PowerSnapshot {
         let published = lock(&self.published);
-        let mut snapshot = published.snapshot.clone();
-        if let Some(reason) = self.fault(&published) {
-            snapshot.lose(MeterState::Lost { reason });
+        self.with_fault(&published)
+    }
+
+    /// The current figures if they changed since the call that wrote `seen`. Does not allocate
+    /// otherwise, so that it can be called every frame.
+    pub(crate) fn snapshot_if_changed(
+        &self,
+        seen: &mut Option<(u64, bool)>,
+    ) -> Option<PowerSnapshot> {
+        let published = lock(&self.published);
+        let current = Some((published.revision, self.fault(&published).is_some()));
+        if *seen == current {
+            return None;
         }
-        snapshot
+        *seen = current;
+        Some(self.with_fault(&published))
     }
 
     /// When the reading of a snapshot was taken; `None` while the power is unknown.
     pub(crate) fn read_at(&self, snapshot: &PowerSnapshot) -> Option<Instant> {
         snapshot.at.map(|at| lock(&self.published).origin + at)
+    }
+
+    fn with_fault(&self, published: &Published) -> PowerSnapshot {
+        let mut snapshot = published.snapshot.clone();
+        if let Some(reason) = self.fault(published) {
+            snapshot.lose(MeterState::Lost { reason });
+        }
+        snapshot
     }
 
     /// A fault of the thread itself, which the thread cannot report.
@@ -192,6 +222,16 @@ impl Drop for PowerSampler {
 fn lock(published: &Mutex<Published>) -> MutexGuard<'_, Published> {
     // Each update leaves consistent figures, so a poisoned lock is safe to read.
     published.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Says why there is no meter. The same reason is said once.
+fn refuse(published: &Mutex<Published>, reason: String) {
+    let mut published = lock(published);
+    let state = MeterState::Unavailable { reason };
+    if published.snapshot.state != state {
+        published.snapshot.lose(state);
+        published.revision += 1;
+    }
 }
 
 /// Polls until the sampler is dropped.
@@ -231,6 +271,7 @@ fn poll(
             let mut published = lock(published);
             published.snapshot.clone_from(tracker.snapshot());
             published.patience = wait.saturating_add(HANG_TIMEOUT);
+            published.revision += 1;
             published.at = Instant::now();
         }
         match stopped.recv_timeout(wait) {
@@ -308,12 +349,6 @@ mod tests {
         }
     }
 
-    fn sampler_of(meter: impl PowerMeter + 'static, settings: SamplerSettings) -> PowerSampler {
-        let mut meter = Some(Box::new(meter) as Box<dyn PowerMeter>);
-        let open = move || Ok(meter.take().expect("it is opened once"));
-        PowerSampler::start(open, settings, false).unwrap()
-    }
-
     fn is_lost(snapshot: &PowerSnapshot) -> bool {
         matches!(snapshot.state, MeterState::Lost { .. })
     }
@@ -324,7 +359,8 @@ mod tests {
         let readings =
             (0..4).map(|index| Ok(Joules(f64::from(index)))).chain([failing.clone(), failing]);
         let readings = readings.chain((10..200).map(|index| Ok(Joules(f64::from(index)))));
-        let sampler = sampler_of(ScriptedMeter::new(readings), QUICK);
+        let sampler =
+            PowerSampler::of(Box::new(ScriptedMeter::new(readings)), QUICK, false).unwrap();
         let running =
             wait_for(&sampler, "first figures", |snapshot| snapshot.state == MeterState::Running);
         assert!(running.latest.unwrap().0 > 0.0 && running.mean.unwrap().0 > 0.0);
@@ -346,9 +382,20 @@ mod tests {
             Ok(Box::new(ScriptedMeter::new(readings)) as Box<dyn PowerMeter>)
         };
         let sampler = PowerSampler::start(open, QUICK, false).unwrap();
-        let running =
-            wait_for(&sampler, "first figures", |snapshot| snapshot.state == MeterState::Running);
+        let mut seen = None;
+        let mut refusals = 0;
+        let running = loop {
+            if let Some(snapshot) = sampler.snapshot_if_changed(&mut seen) {
+                match snapshot.state {
+                    MeterState::Unavailable { .. } => refusals += 1,
+                    MeterState::Running => break snapshot,
+                    _ => {}
+                }
+            }
+            thread::sleep(Duration::from_millis(1));
+        };
         assert!(running.latest.unwrap().0 > 0.0);
+        assert!(refusals <= 1, "the same reason is said once, not {refusals} times");
     }
 
     #[test]
@@ -391,13 +438,18 @@ mod tests {
 
     #[test]
     fn a_meter_that_panics_is_lost() {
-        let sampler = sampler_of(BadMeter { hang: None }, QUICK);
+        let sampler = PowerSampler::of(Box::new(BadMeter { hang: None }), QUICK, false).unwrap();
         wait_for(&sampler, "loss", is_lost);
     }
 
     #[test]
     fn a_meter_that_hangs_does_not_block_the_drop() {
-        let sampler = sampler_of(BadMeter { hang: Some(Duration::from_secs(30)) }, QUICK);
+        let sampler = PowerSampler::of(
+            Box::new(BadMeter { hang: Some(Duration::from_secs(30)) }),
+            QUICK,
+            false,
+        )
+        .unwrap();
         let start = Instant::now();
         drop(sampler);
         assert!(start.elapsed() < Duration::from_secs(15), "the meter hangs for 30 s");
@@ -406,8 +458,23 @@ mod tests {
     #[test]
     fn the_longest_interval_overflows_nothing() {
         let settings = SamplerSettings { interval: Duration::MAX, ..QUICK };
-        let sampler = sampler_of(ScriptedMeter::joules([1.0, 2.0]), settings);
+        let meter = Box::new(ScriptedMeter::joules([1.0, 2.0]));
+        let sampler = PowerSampler::of(meter, settings, false).unwrap();
         let snapshot = wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
         assert_eq!(snapshot.latest, None, "one reading gives no power");
+    }
+
+    #[test]
+    fn a_change_is_reported_once() {
+        let sampler = PowerSampler::of(
+            Box::new(ScriptedMeter::joules([1.0]).with_window_seconds(50.0)),
+            QUICK,
+            false,
+        )
+        .unwrap();
+        wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
+        let mut seen = None;
+        assert!(sampler.snapshot_if_changed(&mut seen).is_some());
+        assert!(sampler.snapshot_if_changed(&mut seen).is_none(), "the next poll is 50 s away");
     }
 }

@@ -1,6 +1,7 @@
 //! Bounds on knobs that the player or the app sets, and the frontier within them.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 #[cfg(feature = "bevy")]
 use bevy_ecs::reflect::ReflectComponent;
@@ -91,15 +92,52 @@ impl KnobBounds {
         })
     }
 
-    /// The frontier of the nearest settings within the bounds to those of `frontier`; `None` where there
-    /// are no bounds.
-    pub fn within(&self, space: &KnobSpace, frontier: &Frontier) -> Option<Frontier> {
+    /// The frontier of the nearest settings within the bounds to those of `frontier`.
+    fn within(&self, space: &KnobSpace, frontier: &Frontier) -> Frontier {
         let nearest = |point: &FrontierPoint| {
             let settings = self.nearest(space, point.settings);
             Some(FrontierPoint { settings, cost: frontier.estimate(space, settings)? })
         };
-        let points = frontier.points().iter().filter_map(nearest);
-        (!self.is_empty()).then(|| Frontier::from_points(points))
+        Frontier::from_points(frontier.points().iter().filter_map(nearest))
+    }
+}
+
+/// The frontier within a camera's bounds that was found last: it is made once for an address.
+#[derive(Debug, Default)]
+pub struct BoundedFrontier(Option<Bounded>);
+
+#[derive(Debug)]
+struct Bounded {
+    bounds: KnobBounds,
+    /// A map that changes has another space.
+    space: Arc<KnobSpace>,
+    /// Address of the whole frontier.
+    whole: usize,
+    within: Arc<Frontier>,
+}
+
+impl BoundedFrontier {
+    /// `frontier` within `bounds`; `None` where there are none. Allocates at another address alone.
+    pub fn get(
+        &mut self,
+        bounds: &KnobBounds,
+        space: &Arc<KnobSpace>,
+        frontier: &Frontier,
+    ) -> Option<Arc<Frontier>> {
+        if bounds.is_empty() {
+            self.0 = None;
+            return None;
+        }
+        let whole = std::ptr::from_ref(frontier).addr();
+        let is_current = |it: &Bounded| {
+            it.whole == whole && Arc::ptr_eq(&it.space, space) && it.bounds == *bounds
+        };
+        if !self.0.as_ref().is_some_and(is_current) {
+            let within = Arc::new(bounds.within(space, frontier));
+            let (bounds, space) = (bounds.clone(), Arc::clone(space));
+            self.0 = Some(Bounded { bounds, space, whole, within });
+        }
+        self.0.as_ref().map(|it| Arc::clone(&it.within))
     }
 }
 
@@ -111,18 +149,22 @@ mod tests {
 
     #[test]
     fn a_bounded_frontier_keeps_the_bounds_and_costs_what_the_whole_one_says() {
-        let (space, frontier) = (testing::space(), testing::frontier(1.0));
+        let (space, frontier) = (Arc::new(testing::space()), testing::frontier(1.0));
         let names: Vec<&str> = space.knobs().iter().map(|knob| knob.name.as_str()).collect();
+        let mut cache = BoundedFrontier::default();
         let mut bounds = KnobBounds::default();
-        assert_eq!(bounds.within(&space, &frontier), None);
+        assert!(cache.get(&bounds, &space, &frontier).is_none());
         bounds.at_least(names[0], 2).at_most(names[1], 1);
-        let within = bounds.within(&space, &frontier).expect("a frontier");
+        let within = cache.get(&bounds, &space, &frontier).expect("a frontier");
         assert!(!within.is_empty());
         for point in within.points() {
             assert!(point.settings.level(0) >= 2 && point.settings.level(1) <= 1, "{point:?}");
             assert_eq!(frontier.estimate(&space, point.settings), Some(point.cost));
         }
-        let there = bounds.within(&space, &testing::frontier(5.0)).expect("a frontier");
+        let again = cache.get(&bounds, &space, &frontier).expect("a frontier");
+        assert!(Arc::ptr_eq(&within, &again), "made once");
+        let other = testing::frontier(5.0);
+        let there = cache.get(&bounds, &space, &other).expect("a frontier");
         assert!(there.points()[0].cost.power > Watts(4.0), "another address");
     }
 

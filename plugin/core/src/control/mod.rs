@@ -21,7 +21,7 @@ mod limits;
 mod observed;
 mod rate;
 
-pub use bounds::KnobBounds;
+pub use bounds::{BoundedFrontier, KnobBounds};
 pub use budget::{Budget, BudgetError, ControlSettings, Limit, TransitionTimes};
 pub use choose::{Choice, Outcome, select};
 pub use controller::{CameraController, Decisions, Inputs};

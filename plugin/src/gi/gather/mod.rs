@@ -117,14 +117,10 @@ fn prepare_pipelines(
 ) {
     for (gi, sky) in cameras.iter_mut().filter(|(gi, _)| gi.traces()) {
         let [without_sky, with_sky] = &mut kernels.traced[index(gi.visibility)];
-        for has_masks in [false, occluders.are_masked()] {
-            // The sky may be inactive.
-            without_sky.queue(&cache, has_masks);
-            if sky.is_some() {
-                with_sky.queue(&cache, has_masks);
-            }
-        }
+        // The sky may be inactive.
+        without_sky.queue(&cache, occluders.are_masked());
         if let Some(mut sky) = sky {
+            with_sky.queue(&cache, occluders.are_masked());
             sky.is_active &= with_sky.get(&cache, false).is_some();
         }
     }
@@ -197,6 +193,8 @@ pub(super) struct GatherView {
     /// That of the frame before, of views that filter. It may have another resolution.
     pub previous: Option<CachedTexture>,
     pub settings: Buffer,
+    /// The content of `settings`.
+    made_for: GatherSettings,
 }
 
 impl GatherView {
@@ -279,17 +277,21 @@ fn prepare(
     for (entity, view, held) in &mut views {
         let cell = view.gi.pixel_fraction.cell().into();
         let settings = GatherSettings { cell, padding: [0; 2] };
-        let settings = bytemuck::bytes_of(&settings);
+        let bytes = bytemuck::bytes_of(&settings);
         let (label, usage) = ("frugal_gi/gather/settings", BufferUsages::UNIFORM);
         let Some(mut held) = held else {
             commands.entity(entity).insert(GatherView {
                 irradiance: irradiance_texture(&device, IRRADIANCE, view.cells()),
                 previous: None,
-                settings: filled_buffer(&device, label, settings, usage),
+                settings: filled_buffer(&device, label, bytes, usage),
+                made_for: settings,
             });
             continue;
         };
-        queue.write_buffer(&held.settings, 0, settings);
+        if held.made_for != settings {
+            queue.write_buffer(&held.settings, 0, bytes);
+            held.made_for = settings;
+        }
         // Those that filter swap textures when their history advances.
         if !view.gi.filters() {
             held.previous = None;
