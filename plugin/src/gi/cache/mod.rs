@@ -149,14 +149,13 @@ fn prepare_pipelines(
     for (_, sky) in cameras.iter_mut().filter(|(gi, _)| gi.caches()) {
         age.queue(&cache, Vec::new());
         place.queue(&cache, Vec::new());
-        for has_masks in [false, occluders.are_masked()] {
-            store.queue(&cache, has_masks);
-            resolve.queue(&cache, has_masks);
-            // A sky may be inactive.
-            light.queue(&cache, has_masks);
-            if sky.is_some() {
-                light_by_sky.queue(&cache, has_masks);
-            }
+        let has_masks = occluders.are_masked();
+        store.queue(&cache, has_masks);
+        resolve.queue(&cache, has_masks);
+        // A sky may be inactive.
+        light.queue(&cache, has_masks);
+        if sky.is_some() {
+            light_by_sky.queue(&cache, has_masks);
         }
         if let Some(mut sky) = sky {
             sky.is_active &= light_by_sky.get(&cache, false).is_some();

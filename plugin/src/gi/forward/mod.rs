@@ -144,11 +144,9 @@ fn prepare_pipelines(
     for has_sky in &cameras {
         kernels.fill.queue(&cache, Vec::new());
         kernels.blacken.queue(&cache, Vec::new());
-        for has_masks in [false, occluders.are_masked()] {
-            kernels.light.queue(&cache, has_masks);
-            if has_sky {
-                kernels.sky.queue(&cache, has_masks);
-            }
+        kernels.light.queue(&cache, occluders.are_masked());
+        if has_sky {
+            kernels.sky.queue(&cache, occluders.are_masked());
         }
     }
 }

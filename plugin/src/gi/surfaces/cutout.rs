@@ -13,7 +13,7 @@ use super::mesh::{MeshTexture, TextureUse, vertex_colors};
 use super::points::interpolated;
 
 /// A material's alpha mask. A mesh has the same holes under equal masks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(in crate::gi) struct Mask {
     texture: Option<TextureUse>,
     /// Bits of the base colour's alpha and of the cutoff, for use as a key.

@@ -112,7 +112,7 @@ impl Sides {
 }
 
 /// The mapping of a texture onto a mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(in crate::gi) struct TextureUse {
     pub image: AssetId<Image>,
     /// Whether it uses the second set of coordinates.

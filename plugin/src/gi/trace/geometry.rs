@@ -98,8 +98,8 @@ impl Geometry {
                 _ => None,
             })
             .collect();
-        // Hash order is arbitrary.
-        new.sort_by_key(|(key, _)| key.mesh);
+        // Hash order is arbitrary; sorting keeps the arrays the same in every run.
+        new.sort_by_key(|(key, _)| *key);
         for (key, tree) in new {
             changed.push(key);
             let pieces = tree.iter().filter_map(|(joint, piece)| self.place(*joint, piece, most));

@@ -37,7 +37,7 @@ use bevy::render::render_resource::{BindGroupLayoutEntry, ComputePipeline, Pipel
 use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{ShaderDefVal, load_shader_library};
 
-use super::compute::{Kernel, definitions};
+use super::compute::Kernel;
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
 pub(super) use buffers::{OccluderBuffers, missing_bytes};
 pub use occluders::GiOccluders;
@@ -81,7 +81,8 @@ impl Plugin for TracePlugin {
 /// A kernel that traces. Its pipelines test alpha masks only in scenes that have any.
 pub(super) struct TracedKernel {
     pub(super) kernel: Kernel,
-    definitions: Vec<ShaderDefVal>,
+    /// Without and with masks.
+    definitions: [Vec<ShaderDefVal>; 2],
 }
 
 impl TracedKernel {
@@ -94,18 +95,17 @@ impl TracedKernel {
         definitions: Vec<ShaderDefVal>,
     ) -> Self {
         let kernel = Kernel::new(label, entry_point, shader, entries);
-        Self { kernel: kernel.with_group(OccluderBuffers::layout()), definitions }
+        let masked = [&*definitions, &["MASKS".into()]].concat();
+        let kernel = kernel.with_group(OccluderBuffers::layout());
+        Self { kernel, definitions: [definitions, masked] }
     }
 
-    fn definitions(&self, has_masks: bool) -> Vec<ShaderDefVal> {
-        let masks = definitions([(has_masks, "MASKS")]);
-        self.definitions.iter().cloned().chain(masks).collect()
-    }
-
-    /// Queues the pipeline that tests masks, or the other one, unless it was before.
+    /// Queues the pipeline that treats all triangles as solid, and the one that tests masks where there
+    /// are any, unless they were before.
     pub(super) fn queue(&mut self, cache: &PipelineCache, has_masks: bool) {
-        let definitions = self.definitions(has_masks);
-        self.kernel.queue(cache, definitions);
+        for definitions in &self.definitions[..=usize::from(has_masks)] {
+            self.kernel.queue(cache, definitions.clone());
+        }
     }
 
     /// The pipeline that tests masks, or the other one, if it is compiled; until then, the one that
@@ -115,7 +115,8 @@ impl TracedKernel {
         cache: &'a PipelineCache,
         has_masks: bool,
     ) -> Option<&'a ComputePipeline> {
-        let compiled = |has_masks| self.kernel.get(cache, &self.definitions(has_masks));
+        let compiled =
+            |has_masks| self.kernel.get(cache, &self.definitions[usize::from(has_masks)]);
         compiled(has_masks).or_else(|| compiled(false))
     }
 }

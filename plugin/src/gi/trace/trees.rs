@@ -34,7 +34,7 @@ pub(super) enum Tree {
 }
 
 /// A mesh, its alpha mask, and whether joints move it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct TreeKey {
     pub mesh: AssetId<Mesh>,
     pub mask: Option<Mask>,
