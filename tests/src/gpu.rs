@@ -68,7 +68,7 @@ impl Point {
     }
 }
 
-/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: `pack_normal` of `rsm/texel.wgsl` on
+/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: `pack_normal` of `texels/texels.wgsl` on
 /// the CPU.
 pub fn pack_normal([x, y, z]: [f32; 3]) -> u32 {
     let length = x.abs() + y.abs() + z.abs();

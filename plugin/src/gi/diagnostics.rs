@@ -170,9 +170,9 @@ fn count(
         counts.vpls += vpl.sampled(view);
         let (pixels, per_set) = (gathered_pixels(view), vpl.plan.per_set);
         counts.pairs += pixels * u64::from(per_set + view.sky_samples);
-        let most = view.gi.visibility.rays();
-        counts.rays += pixels * u64::from(most.min(per_set) + most.min(view.sky_samples))
-            + forward.map_or(0, |forward| forward.rays(view));
+        let visibility = view.gi.visibility;
+        let rays = visibility.rays().min(per_set) + visibility.sky_rays().min(view.sky_samples);
+        counts.rays += pixels * u64::from(rays) + forward.map_or(0, |forward| forward.rays(view));
         counts.bytes += vpl.bytes()
             + gather.bytes()
             + cache.map_or(0, CacheView::bytes)

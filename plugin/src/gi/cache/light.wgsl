@@ -61,6 +61,22 @@ fn nth_nearest(spot: Spot, corner: vec2<i32>, size: f32, rank: u32) -> vec2<i32>
     return corner + (nearest ^ flip);
 }
 
+/// A point on a surface, world space.
+struct Place {
+    position: vec3<f32>,
+    normal: vec3<f32>,
+}
+
+/// What the pixel of a record shows.
+fn recorded_place(record: vec2<u32>) -> Place {
+    let pixel = recorded_pixel(record);
+    let texel = in_g_buffer(pixel, view.viewport);
+    var place: Place;
+    place.position = pixel_position(pixel, image_size(view.viewport), textureLoad(depth_buffer, texel, 0), view.world_from_clip);
+    place.normal = surface_normal(textureLoad(g_buffer, texel, 0));
+    return place;
+}
+
 @compute @workgroup_size(8, 8)
 fn light_samples(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     begin_trace(thread);
@@ -71,16 +87,12 @@ fn light_samples(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
     if (record.y & LIGHTS) == 0u {
         return;
     }
-    let size = image_size(view.viewport);
-    let pixel = recorded_pixel(record);
-    let texel = in_g_buffer(pixel, view.viewport);
-    let position = pixel_position(pixel, size, textureLoad(depth_buffer, texel, 0), view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, texel, 0));
+    let place = recorded_place(record);
     // Neighbours have other sets, and each frame another.
     let which_set = mixed(id.x + id.y * 4096u + mixed(plan.sequence)) % plan.sets;
-    var sum = gathered(which_set, id.xy, position, normal);
+    var sum = gathered(which_set, id.xy, place.position, place.normal);
 #ifdef SKY_RAYS
-    sum += gathered_sky(which_set, id.xy, position, normal);
+    sum += gathered_sky(which_set, id.xy, place.position, place.normal);
 #endif
     textureStore(lit, id.xy, vec4(sum * (view.exposure * 0.31830987), 1.0));
 }
@@ -95,13 +107,9 @@ fn store_samples(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
     if (record.y & SURFACE) == 0u {
         return;
     }
-    let size = image_size(view.viewport);
-    let pixel = recorded_pixel(record);
-    let texel = in_g_buffer(pixel, view.viewport);
-    let position = pixel_position(pixel, size, textureLoad(depth_buffer, texel, 0), view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, texel, 0));
-    let own = u32(level_at(apparent_distance(view.clip_from_view, distance(position, view.world_position))));
-    let spot = spot_of(position - settings.origin, normal);
+    let place = recorded_place(record);
+    let own = u32(level_at(apparent_distance(view.clip_from_view, distance(place.position, view.world_position))));
+    let spot = spot_of(place.position - settings.origin, place.normal);
     let lights = (record.y & LIGHTS) != 0u;
     let found = textureLoad(light, id.xy, 0).rgb;
     // NaN compares false.
@@ -121,7 +129,7 @@ fn store_samples(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
         var links = (record.y / LINKS) >> (2u * which);
         let corner_slot = find_or_add(key_of(spot, corner, level));
         if (links & KNOWN) == 0u {
-            let lift = normal * (0.25 * width);
+            let lift = place.normal * (0.25 * width);
             let open = is_seen(anchor_of(spot, corner, width) + lift, anchor_of(spot, corner + vec2(1, 1), width) + lift)
                 && is_seen(anchor_of(spot, corner + vec2(1, 0), width) + lift, anchor_of(spot, corner + vec2(0, 1), width) + lift);
             rays += 2u;
@@ -135,12 +143,12 @@ fn store_samples(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
         }
         var square = square_of(spot, width);
         if lights && (links & BLOCKED) != 0u {
-            let lift = normal * (0.25 * width);
-            let place = position - settings.origin + lift;
+            let lift = place.normal * (0.25 * width);
+            let lifted = place.position - settings.origin + lift;
             var is_found = false;
             for (var i = 0u; i < 4u && !is_found; i++) {
                 square = nth_nearest(spot, corner, width, i);
-                is_found = is_seen(place, anchor_of(spot, square, width) + lift);
+                is_found = is_seen(lifted, anchor_of(spot, square, width) + lift);
                 rays++;
             }
             if !is_found {

@@ -2,10 +2,10 @@
 // each; and at low-resolution pixels, with one thread per pixel. A workgroup's pixels have the same
 // set, so that all its threads read the same VPL.
 //
-// With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
-// rays: one VPL is sampled per stratum by luminance and the guess of its visibility, and one ray accepts
-// or rejects the stratum's sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but speckle
-// every wall in the colours of its lights.
+// With visibility (RAYS), the set is split into as many strata (`vpl/vpl.wgsl`) as there are rays: one
+// VPL is sampled per stratum by luminance and the guess of its visibility, and one ray accepts or rejects
+// the stratum's sum. The hue is the stratum's: the sampled VPL's would be unbiased in each channel, but
+// speckle every wall in the colours of its lights.
 #define_import_path bevy_frugal_gi::gi::gather::gather
 
 #import bevy_render::view::View

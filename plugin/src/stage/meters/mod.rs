@@ -172,7 +172,7 @@ impl Meter {
         let window = MIN_WINDOW.max(Duration::from_secs_f64(2.0 * self.window_seconds));
         let idle = self.mean(window, &mut || thread::sleep(PIECE))?.power;
         let loaded = self.mean(window, &mut keep_busy)?.power;
-        let is_modelled = self.info.provenance == Provenance::Modelled;
+        let is_modelled = matches!(self.source, Source::Modelled(..));
         // A model of one process may stand still while that sleeps, but not under load.
         if is_modelled && loaded.0 == 0.0 {
             let reason = "the counter did not move under load";

@@ -202,8 +202,9 @@ pub fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, Journal
     let (mut journal, records) = Journal::open(output, &header, Existing::Resume)?;
     let mut seen: HashSet<String> = records.into_iter().collect();
     for record in all {
-        if seen.insert(record.clone()) {
+        if !seen.contains(&record) {
             journal.append(&record)?;
+            seen.insert(record);
         }
     }
     Ok(seen.len())

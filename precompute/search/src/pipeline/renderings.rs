@@ -72,7 +72,7 @@ pub struct Setup<'a, M> {
 
 /// All known renderings, and the means to make more.
 pub(super) struct Renderings<'a, M> {
-    /// Its inputs; the journal with all records so far.
+    /// Its inputs; the journal with the records of earlier runs, and what [`once`](Self::once) added.
     pub setup: Setup<'a, M>,
     /// Costs by [`question`].
     pub known: HashMap<String, CostPoint>,

@@ -6,9 +6,9 @@
 //! and the greatest. LENGTH: passes of the run that stands for the truth.
 
 mod scenes;
-#[path = "../shared/sheet.rs"]
+#[path = "../common/sheet.rs"]
 mod sheet;
-#[path = "../shared/timing.rs"]
+#[path = "../common/timing.rs"]
 mod timing;
 
 use frugal_trace::fog_beams;

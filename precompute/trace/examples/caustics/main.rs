@@ -8,7 +8,7 @@
 //! gets pictures.
 
 mod scenes;
-#[path = "../shared/sheet.rs"]
+#[path = "../common/sheet.rs"]
 mod sheet;
 
 use std::path::Path;

@@ -5,7 +5,7 @@
 //! and the greatest.
 
 mod scenes;
-#[path = "../shared/timing.rs"]
+#[path = "../common/timing.rs"]
 mod timing;
 
 use frugal_trace::fog_cache::{Cache, CacheSettings, Shape};

@@ -10,7 +10,7 @@
 
 mod model;
 mod scenes;
-#[path = "../shared/timing.rs"]
+#[path = "../common/timing.rs"]
 mod timing;
 
 use frugal_trace::integrator::{Guide, Settings, Watch, render};

@@ -14,11 +14,11 @@ use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
 fn ball(nits: f32, extinction: f32) -> ReferenceScene {
     let mut builder = MeshBuilder::new();
     builder.icosphere(Vec3::ZERO, 2.0, 4, true);
-    glowing(builder, nits, extinction)
+    emissive(builder, nits, extinction)
 }
 
 /// Black triangles that emit, in fog.
-fn glowing(builder: MeshBuilder, nits: f32, scattering: f32) -> ReferenceScene {
+fn emissive(builder: MeshBuilder, nits: f32, scattering: f32) -> ReferenceScene {
     let material = SceneMaterial {
         base_color: [0.0, 0.0, 0.0, 1.0],
         emissive: [nits; 3],
@@ -132,7 +132,7 @@ fn panel() -> ReferenceScene {
     let mut builder = MeshBuilder::new();
     let corner = |x: f32, z: f32| Vec3::new(0.8 * x, 1.9, 0.8 * z);
     builder.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
-    glowing(builder, 1.0, 0.1)
+    emissive(builder, 1.0, 0.1)
 }
 
 #[test]

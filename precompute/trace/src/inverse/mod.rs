@@ -14,7 +14,7 @@ mod dual;
 mod patterns;
 mod source;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::bsdf::{Bsdf, Shading, Surface};
@@ -184,7 +184,7 @@ fn walk(
     sampler: &mut Sampler,
     row: &mut [f32],
 ) {
-    let mut throughput = DVec3::splat(weight);
+    let (mut throughput, half) = (DVec3::splat(weight), projector.half());
     for _ in 0..=tracing.bounces {
         let Some(hit) = scene.closest(origin, direction) else { break };
         let surface = Surface::new(&scene.geometry, &hit);
@@ -192,7 +192,7 @@ fn walk(
         origin = surface.ray_origin();
         let to_light = projector.pose.position.as_dvec3() - surface.position;
         let distance = to_light.length();
-        if let Some(pixel) = seen_by(projector, surface.position).filter(|_| distance > 0.0) {
+        if let Some(pixel) = seen_by(projector, half, surface.position).filter(|_| distance > 0.0) {
             let towards = to_light / distance;
             let reflected = throughput * bsdf.evaluate(towards).0 / (distance * distance);
             let incident = IncidentLight { direction: towards, distance, illuminance: DVec3::ZERO };
@@ -215,11 +215,11 @@ fn solid_angle(view: &View, direction: DVec3) -> f64 {
     area * view.pose.forward().as_dvec3().dot(direction).max(0.0).powi(3)
 }
 
-/// Which pixel of `view` sees a point.
-fn seen_by(view: &View, point: DVec3) -> Option<usize> {
+/// Which pixel of `view`, whose [half](View::half) is `half`, sees a point.
+fn seen_by(view: &View, half: DVec2, point: DVec3) -> Option<usize> {
     let ray = point - view.pose.position.as_dvec3();
     let local = view.pose.rotation.as_dquat().inverse() * ray;
-    let (ahead, size, half) = (-local.z, view.size.as_dvec2(), view.half());
+    let (ahead, size) = (-local.z, view.size.as_dvec2());
     let x = (local.x / (ahead * half.x) + 1.0) * 0.5 * size.x;
     let y = (1.0 - local.y / (ahead * half.y)) * 0.5 * size.y;
     // This form also rejects NaN.

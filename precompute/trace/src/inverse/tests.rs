@@ -302,9 +302,9 @@ fn a_lit_patch_is_found_from_the_tracers_image() {
     let corner = |x: f32, z: f32| position + tilt * Vec3::new(x * 0.02, 0.0, z * 0.02);
     patch.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
     let white = SceneMaterial { reflectance: 0.0, ..SceneMaterial::default() };
-    let glowing =
+    let emissive =
         SceneMaterial { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [1e5; 3], ..white.clone() };
-    let scene = scene(vec![white, glowing], vec![plane, patch], &[]);
+    let scene = scene(vec![white, emissive], vec![plane, patch], &[]);
     let camera = View {
         pose: CameraPose::looking_at(Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO),
         vertical_fov_degrees: 36.0,
