@@ -52,6 +52,21 @@ pub fn bounces(
     trace(&traced, &scene.view(pose, tracing.size), tracing, most)
 }
 
+/// What a square view of 90 degrees shows of surfaces that lamps light, without bounces, nits.
+pub fn seen_from(scene: &SceneDescription, pose: CameraPose, size: u32) -> (View, Radiance) {
+    let traced = traced(&set::loaded(&without_environment(scene)));
+    let size = UVec2::splat(size);
+    let view = View { pose, vertical_fov_degrees: 90.0, near: 0.001, size };
+    let settings = Settings {
+        samples: 4,
+        bounces: Some(0),
+        shading: Shading::Lambertian,
+        ..Default::default()
+    };
+    let image = render(&traced, &view, &settings, Watch::default());
+    (view, image.unwrap_or_else(|| panic!("nothing interrupts")).direct)
+}
+
 /// [`one_bounce`] on surfaces without textures, as [`strip_textures`] leaves them: the path tracer
 /// reads unfiltered texels and the renderer filters them, so that at single pixels textures would
 /// differ more than light does.

@@ -13,6 +13,7 @@ use bevy::render::{Render, RenderSystems};
 use crate::gi::bounces::BounceCamera;
 use crate::gi::cache::{self, CacheView};
 use crate::gi::denoise::History;
+use crate::gi::fog::FogView;
 use crate::gi::forward::ForwardView;
 use crate::gi::gather::GatherView;
 use crate::gi::rsm::RsmView;
@@ -147,6 +148,7 @@ fn count(
         &GatherView,
         Option<&CacheView>,
         Option<&ForwardView>,
+        Has<FogView>,
         Option<&History>,
         Option<&BounceCamera>,
     )>,
@@ -161,7 +163,7 @@ fn count(
         bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
         ..GiCounts::default()
     };
-    for (view, vpl, gather, cache, forward, history, bounces) in &views {
+    for (view, vpl, gather, cache, forward, has_fog, history, bounces) in &views {
         counts.cameras += u32::from(view.work.gather);
         counts.settling += u32::from(
             history.is_some_and(History::is_converging)
@@ -177,6 +179,7 @@ fn count(
             + gather.bytes()
             + cache.map_or(0, CacheView::bytes)
             + forward.map_or(0, ForwardView::bytes)
+            + if has_fog { FogView::BYTES } else { 0 }
             + history.map_or(0, History::bytes)
             + bounces.map_or(0, BounceCamera::bytes);
         if let Some(bounces) = bounces.filter(|_| view.work.sample) {

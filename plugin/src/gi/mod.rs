@@ -24,6 +24,7 @@
 //! | `forward` | both | irradiance on a grid around the camera, for meshes that are not deferred |
 //! | `denoise` | render | filters the irradiance spatially and temporally |
 //! | `composite` | render | upsamples the irradiance (joint bilateral); adds it before tone mapping |
+//! | `fog` | render | indirect light in fog volumes, from the grid of `forward` |
 //! | `diagnostics`, `inspect` | both | counters; access to buffers, for tests |
 
 mod bounces;
@@ -34,6 +35,7 @@ mod compute;
 mod denoise;
 mod diagnostics;
 mod emissive;
+mod fog;
 mod forward;
 mod gather;
 #[cfg(feature = "inspect")]
@@ -148,7 +150,7 @@ impl Plugin for GiPlugin {
             gather::GatherPlugin,
             (cache::CachePlugin, forward::ForwardPlugin),
             denoise::DenoisePlugin,
-            composite::CompositePlugin,
+            (composite::CompositePlugin, fog::FogPlugin),
             GiDiagnosticsPlugin,
         ));
     }

@@ -77,6 +77,8 @@ pub(super) enum PrepareSystems {
     Cache,
     /// Each view's places around the camera.
     Forward,
+    /// Each view's fog.
+    Fog,
     /// Each view's history.
     Denoise,
     /// Removes Bevy's own diffuse light of gathered skies, before Bevy binds it.
@@ -147,6 +149,7 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                 PrepareSystems::Gather,
                 PrepareSystems::Cache,
                 PrepareSystems::Forward,
+                PrepareSystems::Fog,
                 PrepareSystems::Denoise,
                 PrepareSystems::Environment,
             )

@@ -101,11 +101,18 @@ pub struct FrugalGi {
     /// light reaches farther from the camera (16 steps, 8 upwards), is coarser, and leaks through
     /// walls thinner than a step. Default: 0.5.
     ///
-    /// The places exist once the camera draws such a mesh. They need
+    /// The places exist once the camera draws such a mesh, or [`fog`](Self::fog). They need
     /// [`visibility`](Self::visibility) and 2.4 MB. A frame traces up to 8,192 rays to VPLs, as
     /// many to the sky and as many to neighbours: eight times as many after a cut or a jump, and
     /// none once nothing changes.
     pub forward_spacing: f32,
+    /// Whether indirect light and the sky's light up fog: every
+    /// [`FogVolume`](bevy::light::FogVolume), for a camera with
+    /// [`VolumetricFog`](bevy::light::VolumetricFog), in place of that component's ambient light. The
+    /// light is that of [`forward_spacing`](Self::forward_spacing)'s places; beyond them, fog has the
+    /// light of the nearest. A ray takes a quarter of the component's steps: higher values have less
+    /// banding, at proportional cost. Default: true.
+    pub fog: bool,
     /// Reflection model of indirect light; all cost the same. Default: `Standard`.
     pub shading: GiShading,
     /// What GI writes to the image. Default: `Added`.
@@ -176,6 +183,7 @@ impl Default for FrugalGi {
             rest_frames: 64,
             irradiance_volumes: false,
             forward_spacing: 0.5,
+            fog: true,
             shading: GiShading::Standard,
             output: GiOutput::Added,
         }

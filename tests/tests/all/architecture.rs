@@ -51,6 +51,7 @@ const PLUGIN: &[&str] = &[
     "gi/forward",
     "gi/denoise",
     "gi/composite",
+    "gi/fog",
     "gi/diagnostics",
     "gi/inspect",
     "gi",

@@ -21,6 +21,7 @@ mod control;
 mod distant;
 mod error_meter;
 mod extremes;
+mod fog;
 mod forward;
 mod furnace;
 mod gi;
@@ -72,6 +73,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("extremes::shading", extremes::shading::TESTS, true),
     ("extremes::scenes", extremes::scenes::TESTS, true),
     ("extremes::views", extremes::views::TESTS, true),
+    ("fog", fog::TESTS, true),
     ("forward", forward::TESTS, true),
     ("furnace", furnace::TESTS, true),
     ("gi", gi::TESTS, true),

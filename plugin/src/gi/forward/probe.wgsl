@@ -80,9 +80,16 @@ fn holds(probe: Probe, place: vec3<i32>) -> bool {
     return probe.faces[1].w == key_of(place) && probe.faces[0].w > 0u;
 }
 
-@compute @workgroup_size(4, 4, 4)
-fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
-    let place = volume.base + vec3<i32>(id);
+/// Light of a place.
+struct Lit {
+    /// As `Probe` has it, times `count`.
+    faces: array<vec3<f32>, 6>,
+    /// Places whose light this is: itself or, inside a solid, its neighbours outside. 0 where none is
+    /// known.
+    count: f32,
+}
+
+fn lit(place: vec3<i32>) -> Lit {
     let own = probes[slot_of(place)];
     var light = array<vec3<f32>, 6>();
     var count = 0.0;
@@ -107,10 +114,16 @@ fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
+    return Lit(light, count);
+}
+
+@compute @workgroup_size(4, 4, 4)
+fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
+    let found = lit(volume.base + vec3<i32>(id));
     let border = vec3<f32>(min(id, vec3<u32>(PLACES) - 1u - id));
-    let shown = saturate((min(min(border.x, border.y), border.z) + 0.5) / FADE) * volume.exposure / max(count, 1.0);
+    let shown = saturate((min(min(border.x, border.y), border.z) + 0.5) / FADE) * volume.exposure / max(found.count, 1.0);
     for (var face = 0u; face < 6u; face++) {
-        store(id, face, min(light[face] * shown, vec3(65000.0)));
+        store(id, face, min(found.faces[face] * shown, vec3(65000.0)));
     }
 }
 

@@ -42,8 +42,9 @@ pub(in crate::gi) struct VolumeSettings {
 /// The places of a GI camera. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct ForwardView {
-    pub(super) probes: Buffer,
-    pub(super) settings_buffer: Buffer,
+    pub probes: Buffer,
+    /// [`VolumeSettings`].
+    pub settings_buffer: Buffer,
     settings: VolumeSettings,
     /// Frames in which places are still lit.
     remaining: u32,

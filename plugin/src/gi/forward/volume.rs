@@ -10,8 +10,8 @@ use bevy::camera::visibility::{RenderLayers, VisibleEntities};
 use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
 use bevy::ecs::entity::EntityHashSet;
 use bevy::image::ImageSampler;
-use bevy::light::IrradianceVolume;
 use bevy::light::cluster::ClusterVisibilityClass;
+use bevy::light::{FogVolume, IrradianceVolume, VolumetricFog};
 use bevy::pbr::Transmissive3d;
 use bevy::prelude::*;
 use bevy::render::Extract;
@@ -28,7 +28,7 @@ pub(in crate::gi) const PLACES: UVec3 = UVec3::new(32, 16, 32);
 /// Least and most distance between places, metres.
 const SPACINGS: [f32; 2] = [0.01, 100.0];
 
-/// Cameras that have drawn meshes that are not deferred. Shared by both worlds: the renderer knows it,
+/// Cameras that have drawn meshes that are not deferred, or fog. Shared by both worlds: the renderer knows it,
 /// whatever the materials are.
 #[derive(Resource, Clone, Default)]
 pub(super) struct ForwardDrawn(Arc<Mutex<EntityHashSet>>);
@@ -70,8 +70,8 @@ pub(super) fn note_drawn(
     }
 }
 
-/// Gives cameras that draw such meshes a volume, which follows them from place to place. It stays
-/// while GI is off for a while: Bevy compiles pipelines anew for views with a volume.
+/// Gives cameras that draw such meshes, or fog volumes, a volume, which follows them from place to
+/// place. It stays while GI is off for a while: Bevy compiles pipelines anew for views with a volume.
 pub(super) fn place(
     mut commands: Commands,
     drawn: Res<ForwardDrawn>,
@@ -82,15 +82,20 @@ pub(super) fn place(
         &GlobalTransform,
         &Exposure,
         Option<&RenderLayers>,
+        Has<VolumetricFog>,
         Option<&mut ForwardCamera>,
     )>,
+    fogs: Query<(), With<FogVolume>>,
     mut volumes: Query<
         (&mut Transform, &mut GlobalTransform, &mut IrradianceVolume, &mut RenderLayers),
         (With<ForwardVolume>, Without<FrugalGi>),
     >,
 ) {
-    let drawn = drawn.0.lock().unwrap_or_else(PoisonError::into_inner);
-    for (camera, gi, transform, exposure, layers, held) in &mut cameras {
+    let mut drawn = drawn.0.lock().unwrap_or_else(PoisonError::into_inner);
+    for (camera, gi, transform, exposure, layers, has_fog, held) in &mut cameras {
+        if gi.fog && has_fog && !fogs.is_empty() {
+            drawn.insert(camera);
+        }
         let is_wanted = drawn.contains(&camera)
             && gi.forward_spacing.is_finite()
             && gi.forward_spacing > 0.0
