@@ -52,7 +52,7 @@ pub fn bounces(
     trace(&traced, &scene.view(pose, tracing.size), tracing, most)
 }
 
-/// What a square view of 90 degrees shows of surfaces that lamps light, without bounces, nits.
+/// What a square view of 90 degrees shows of surfaces that punctual lights illuminate, without bounces, nits.
 pub fn seen_from(scene: &SceneDescription, pose: CameraPose, size: u32) -> (View, Radiance) {
     let traced = traced(&set::loaded(&without_environment(scene)));
     let size = UVec2::splat(size);

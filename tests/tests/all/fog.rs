@@ -1,7 +1,6 @@
 //! Indirect light in fog volumes: its closed form, path-traced light, and what fog must not show.
 
-use bevy::asset::Assets;
-use bevy::asset::RenderAssetUsages;
+use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::camera::Exposure;
 use bevy::image::Image;
 use bevy::light::{FogVolume, VolumetricFog};
@@ -10,8 +9,7 @@ use bevy::prelude::{Entity, Transform};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use frugal::scene::SceneDescription;
 use frugal::stage::{Component, Radiance, Stage};
-use frugal_tests::reference;
-use frugal_tests::set;
+use frugal_tests::{reference, set};
 use frugal_trace::scene::CameraPose;
 
 use crate::furnace;
@@ -110,7 +108,7 @@ fn fog_in_a_closed_sphere_is_the_closed_form() {
     assert!((textured / even - 1.0).abs() < 2e-3, "{textured} {even}");
 }
 
-/// Light at a point that surfaces reflect of the lamps, by path tracing: directions that it comes
+/// Punctual lights' first reflection as a point receives it, by path tracing: directions that it comes
 /// from, radiance, and solid angles.
 fn traced(scene: &SceneDescription, at: Vec3) -> Vec<(DVec3, f64, f64)> {
     let mut found = Vec::new();

@@ -16,7 +16,7 @@ use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
-    sampler, texture_3d, texture_depth_2d, texture_storage_3d, uniform_buffer, uniform_buffer_sized,
+    sampler, texture_3d, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -25,8 +25,8 @@ use bevy::render::texture::GpuImage;
 use bevy::render::view::{ExtractedView, ViewTarget, ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::render::{Extract, GpuResourceAppExt, Render, RenderSystems};
 
-use super::compute::{Kernel, compute_pass, drop_with, read};
-use super::forward::{ForwardView, PLACES, VolumeSettings};
+use super::compute::{Kernel, definitions, drop_with};
+use super::forward::{ForwardView, PLACES, places_kernel, volume_uniform, write_places};
 use super::schedule::{PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
 use super::view::GiView;
@@ -160,6 +160,8 @@ impl FogView {
 #[derive(Resource)]
 struct FogPipelines {
     places: Kernel,
+    /// Without a density texture, and with one.
+    layouts: [BindGroupLayoutDescriptor; 2],
     shader: Handle<Shader>,
     vertex: VertexState,
     sampler: Sampler,
@@ -168,15 +170,10 @@ struct FogPipelines {
 impl FromWorld for FogPipelines {
     fn from_world(world: &mut World) -> Self {
         world.init_resource::<SpecializedRenderPipelines<Self>>();
-        let voxels =
-            texture_storage_3d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-        let entries = BindGroupLayoutEntries::sequential(
-            ShaderStages::COMPUTE,
-            (settings_entry(), read(), voxels),
-        );
         let places = load_embedded_asset!(world, "places.wgsl");
         Self {
-            places: Kernel::new("frugal_gi/fog", "fill", &places, &entries),
+            places: places_kernel("frugal_gi/fog", "fill", &places),
+            layouts: [layout(false), layout(true)],
             shader: load_embedded_asset!(world, "scatter.wgsl"),
             vertex: world.resource::<FullscreenShader>().to_vertex_state(),
             sampler: world.resource::<RenderDevice>().create_sampler(&SamplerDescriptor {
@@ -186,11 +183,6 @@ impl FromWorld for FogPipelines {
             }),
         }
     }
-}
-
-/// The uniforms of a grid of places.
-fn settings_entry() -> BindGroupLayoutEntryBuilder {
-    uniform_buffer_sized(false, BufferSize::new(size_of::<VolumeSettings>() as u64))
 }
 
 /// Format of the image, and whether the fog has a density texture.
@@ -203,7 +195,7 @@ fn layout(has_texture: bool) -> BindGroupLayoutDescriptor {
         (
             texture_depth_2d(),
             uniform_buffer::<ViewUniform>(true),
-            settings_entry(),
+            volume_uniform(),
             filterable(),
             sampler(SamplerBindingType::Filtering),
             uniform_buffer::<FogUniform>(true),
@@ -227,11 +219,11 @@ impl SpecializedRenderPipeline for FogPipelines {
         };
         RenderPipelineDescriptor {
             label: Some("frugal_gi/fog/scatter".into()),
-            layout: vec![layout(has_texture)],
+            layout: vec![self.layouts[usize::from(has_texture)].clone()],
             vertex: self.vertex.clone(),
             fragment: Some(FragmentState {
                 shader: self.shader.clone(),
-                shader_defs: super::compute::definitions([(has_texture, "DENSITY_TEXTURE")]),
+                shader_defs: definitions([(has_texture, "DENSITY_TEXTURE")]),
                 entry_point: Some("scatter".into()),
                 targets: vec![Some(ColorTargetState {
                     format,
@@ -328,21 +320,12 @@ fn scatter(
         return;
     };
     let settings = forward.settings_buffer.as_entire_binding();
-    let entries = BindGroupEntries::sequential((
-        settings.clone(),
-        forward.probes.as_entire_binding(),
-        &fog.light,
-    ));
-    let filled = pipelines.places.bind(&context, &cache, &entries);
-    compute_pass(&mut context, "frugal_gi/fog/places", &[], |pass| {
-        pass.set_pipeline(places);
-        pass.set_bind_group(0, &filled, &[]);
-        let groups = PLACES / 4;
-        pass.dispatch_workgroups(groups.x, groups.y, groups.z);
-    });
+    let (name, kernel) = ("frugal_gi/fog/places", (&pipelines.places, places));
+    write_places(&mut context, name, kernel, &cache, forward, &fog.light);
     let volumes = fogs.volumes.iter().zip(&fog.offsets).filter_map(|((_, texture), own)| {
         let image = texture.and_then(|texture| images.get(texture));
-        let pipeline = cache.get_render_pipeline(fog.pipelines[usize::from(image.is_some())])?;
+        let variant = usize::from(image.is_some());
+        let pipeline = cache.get_render_pipeline(fog.pipelines[variant])?;
         let mut entries = DynamicBindGroupEntries::sequential((
             depth,
             views.clone(),
@@ -354,7 +337,7 @@ fn scatter(
         if let Some(image) = image {
             entries = entries.extend_with_indices(((6, &image.texture_view), (7, &image.sampler)));
         }
-        let layout = cache.get_bind_group_layout(&layout(image.is_some()));
+        let layout = cache.get_bind_group_layout(&pipelines.layouts[variant]);
         let group =
             context.render_device().create_bind_group("frugal_gi/fog/scatter", &layout, &entries);
         Some((pipeline, group, *own))

@@ -110,16 +110,12 @@ struct ForwardKernels {
 impl FromWorld for ForwardKernels {
     fn from_world(world: &mut World) -> Self {
         let compute = ShaderStages::COMPUTE;
-        let volume =
-            || uniform_buffer_sized(false, BufferSize::new(size_of::<VolumeSettings>() as u64));
+        let volume = volume_uniform;
         let view = uniform_buffer::<ViewUniform>(true);
         let lit =
             BindGroupLayoutEntries::sequential(compute, (volume(), write(), read(), read(), view));
         let lit_by_sky =
             BindGroupLayoutEntries::sequential(compute, (volume(), write(), read(), read()));
-        let voxels =
-            texture_storage_3d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-        let filled = BindGroupLayoutEntries::sequential(compute, (volume(), read(), voxels));
         let (light, fill) =
             (load_embedded_asset!(world, "light.wgsl"), load_embedded_asset!(world, "probe.wgsl"));
         let traced = |label, entries: &[BindGroupLayoutEntry], definition: &str| {
@@ -128,10 +124,50 @@ impl FromWorld for ForwardKernels {
         Self {
             light: traced("frugal_gi/forward/light", &lit, "FACING"),
             sky: traced("frugal_gi/forward/sky", &lit_by_sky, "SKY"),
-            fill: Kernel::new("frugal_gi/forward/fill", "fill", &fill, &filled),
-            blacken: Kernel::new("frugal_gi/forward/blacken", "blacken", &fill, &filled),
+            fill: places_kernel("frugal_gi/forward/fill", "fill", &fill),
+            blacken: places_kernel("frugal_gi/forward/blacken", "blacken", &fill),
         }
     }
+}
+
+/// A camera's [`VolumeSettings`] in a layout.
+pub(super) fn volume_uniform() -> BindGroupLayoutEntryBuilder {
+    uniform_buffer_sized(false, BufferSize::new(size_of::<VolumeSettings>() as u64))
+}
+
+/// A kernel that [`write_places`] runs.
+pub(super) fn places_kernel(
+    label: &'static str,
+    entry_point: &'static str,
+    shader: &Handle<Shader>,
+) -> Kernel {
+    let texels = texture_storage_3d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+    let entries = (volume_uniform(), read(), texels);
+    let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, entries);
+    Kernel::new(label, entry_point, shader, &entries)
+}
+
+/// Writes a texture of a camera's places: one thread for each.
+pub(super) fn write_places(
+    context: &mut RenderContext,
+    name: &'static str,
+    (kernel, pipeline): (&Kernel, &ComputePipeline),
+    cache: &PipelineCache,
+    forward: &ForwardView,
+    texture: &TextureView,
+) {
+    let entries = BindGroupEntries::sequential((
+        forward.settings_buffer.as_entire_binding(),
+        forward.probes.as_entire_binding(),
+        texture,
+    ));
+    let bind_group = kernel.bind(context, cache, &entries);
+    compute_pass(context, name, &[], |pass| {
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        let groups = PLACES / 4;
+        pass.dispatch_workgroups(groups.x, groups.y, groups.z);
+    });
 }
 
 /// Queues the pipelines of cameras that have a volume.
@@ -243,16 +279,6 @@ fn write_volume(
     let (Some(pipeline), Some(image)) = (kernel.get(cache, &[]), images.get(camera.image)) else {
         return;
     };
-    let entries = BindGroupEntries::sequential((
-        forward.settings_buffer.as_entire_binding(),
-        forward.probes.as_entire_binding(),
-        &image.texture_view,
-    ));
-    let bind_group = kernel.bind(context, cache, &entries);
-    compute_pass(context, "frugal_gi/forward/volume", &[], |pass| {
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bind_group, &[]);
-        let groups = PLACES / 4;
-        pass.dispatch_workgroups(groups.x, groups.y, groups.z);
-    });
+    let (name, texture) = ("frugal_gi/forward/volume", &image.texture_view);
+    write_places(context, name, (kernel, pipeline), cache, forward, texture);
 }

@@ -42,7 +42,7 @@ pub(in crate::gi) struct VolumeSettings {
 /// The places of a GI camera. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct ForwardView {
-    pub probes: Buffer,
+    pub(super) probes: Buffer,
     /// [`VolumeSettings`].
     pub settings_buffer: Buffer,
     settings: VolumeSettings,

@@ -28,8 +28,8 @@ pub(in crate::gi) const PLACES: UVec3 = UVec3::new(32, 16, 32);
 /// Least and most distance between places, metres.
 const SPACINGS: [f32; 2] = [0.01, 100.0];
 
-/// Cameras that have drawn meshes that are not deferred, or fog. Shared by both worlds: the renderer knows it,
-/// whatever the materials are.
+/// Cameras that have drawn meshes that are not deferred, or fog. Shared by both worlds: of meshes the
+/// renderer knows it, whatever the materials are.
 #[derive(Resource, Clone, Default)]
 pub(super) struct ForwardDrawn(Arc<Mutex<EntityHashSet>>);
 
