@@ -86,10 +86,6 @@ pub(crate) fn search_facts(SearchSummary { map, outcome, cameras }: &SearchSumma
             "Error of the cost model",
             percent(outcome.cost_error) + " in the mean, at held-out readings",
         ),
-        (
-            "Errors in play ÷ those of clips",
-            format!("{:.2} at an error of 0.02", outcome.played.at(0.02)),
-        ),
         ("Error budgets", budgets),
         ("Best settings rendered twice", format!("an error of {:.4}", outcome.noise)),
     ];

@@ -5,14 +5,12 @@
 //! a wall. Independent of the renderer.
 mod free_space;
 mod set;
-mod stretch;
 
 use frugal_core::frontier::CameraView;
 use frugal_trace::scene::CameraPose;
 use glam::{Quat, Vec3};
 
 pub use set::{CameraSet, sampled};
-pub use stretch::{TrackSample, stretches};
 
 /// A camera's pose and motion at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +23,28 @@ pub struct MovingCamera {
     pub turn: Vec3,
     /// Cross-validation group: cameras near each other in time or space are held out together.
     pub group: u32,
+}
+
+/// One moment of a track: a path of the scene, or a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackSample {
+    /// The camera's pose.
+    pub pose: CameraPose,
+    /// Metres per second.
+    pub velocity: Vec3,
+    /// Axis times radians per second.
+    pub turn: Vec3,
+}
+
+impl TrackSample {
+    /// The sample at `to`, `step` seconds after `from`. A jump is a cut, with no motion.
+    pub fn between(from: CameraPose, to: CameraPose, step: f32) -> Self {
+        let velocity = (to.position - from.position) / step;
+        let turn = (to.rotation * from.rotation.inverse()).to_scaled_axis() / step;
+        let is_cut = !(velocity.length() < 30.0 && turn.length() < 12.0);
+        let [velocity, turn] = if is_cut { [Vec3::ZERO; 2] } else { [velocity, turn] };
+        Self { pose: to, velocity, turn }
+    }
 }
 
 /// What a camera at `pose` shows through a lens: vertical field of view in radians, and width ÷ height.

@@ -6,8 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::free_space::{FreeSpace, HEIGHTS, allows};
-use super::stretch::{TrackSample, locate, stretches};
-use super::{FREE, MovingCamera};
+use super::{FREE, MovingCamera, TrackSample};
 
 /// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
 const PITCH: f32 = 0.5;
@@ -25,9 +24,6 @@ const RENDERED: (f64, f64) = (0.6, 0.15);
 /// The same of unrendered views: cameras cover the tracks, and these all else.
 const UNRENDERED: (f64, f64) = (0.0, 0.2);
 
-/// Stretches of tracks, and their frames: about a second of play at 15 frames per second.
-const STRETCHES: (usize, usize) = (6, 16);
-
 /// Disjoint sets of cameras for two purposes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraSet {
@@ -38,8 +34,6 @@ pub struct CameraSet {
     /// Views that are not rendered, all over free space and around the tracks: what they cost is
     /// predicted.
     pub unrendered: Vec<MovingCamera>,
-    /// Poses of consecutive frames of tracks, long enough for the history of play.
-    pub stretches: Vec<Vec<CameraPose>>,
 }
 
 /// A sample for each frame of `seconds`, and at least one: `pose` gives the camera's by the time since
@@ -102,7 +96,6 @@ impl CameraSet {
             training: source.sample(count, RENDERED, stream(0)),
             calibration: source.sample(calibration, RENDERED, stream(1)),
             unrendered: source.sample(unrendered, UNRENDERED, stream(2)),
-            stretches: stretches(tracks, STRETCHES.0, STRETCHES.1),
         }
     }
 }
@@ -115,6 +108,19 @@ fn heights(rays: &RayScene, tracks: &[Vec<TrackSample>]) -> (f32, f32) {
     let heights = tracks.iter().flatten().filter_map(below).map(|height| (height, height));
     let range = heights.reduce(|(low, high), (height, _)| (low.min(height), high.max(height)));
     range.map_or(HEIGHTS, |(low, high)| (low - 0.3, high + 0.3))
+}
+
+/// Number and samples of the track with sample `of_all` of all tracks' samples, and the sample's
+/// index in it.
+fn locate(tracks: &[Vec<TrackSample>], of_all: usize) -> Option<(usize, &[TrackSample], usize)> {
+    let mut index = of_all;
+    for (number, track) in tracks.iter().enumerate() {
+        if index < track.len() {
+            return Some((number, track, index));
+        }
+        index -= track.len();
+    }
+    None
 }
 
 impl Source<'_> {

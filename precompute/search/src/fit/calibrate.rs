@@ -37,8 +37,7 @@ pub(crate) struct Calibration<'a> {
 /// The rate and the target that keep each budget, for `cameras` that did not contribute to their
 /// frontiers: calibration cameras, and training cameras with cross-validated frontiers, those of a
 /// track in the track's order. Budgets that the cameras cannot support, or that even the best
-/// settings exceed, are left out. `uncertainty`: standard error that all cameras' errors have in
-/// common, as a part of a mean error.
+/// settings exceed, are left out.
 ///
 /// At run time the controller keeps the mean *predicted* error at the target, whatever views come.
 /// What is uncertain is the mean of what errors differ from their predictions. A target is kept
@@ -46,10 +45,7 @@ pub(crate) struct Calibration<'a> {
 /// Lei, Malik, Jordan 2021, "Distribution-free, risk-controlling prediction sets", with the bound of
 /// the central limit theorem). Between two rates of a grid target and bound are interpolated: the
 /// controller lets two settings take turns.
-pub(crate) fn calibrate(
-    cameras: &[Calibration<'_>],
-    uncertainty: &dyn Fn(f64) -> f64,
-) -> ErrorRates {
+pub(crate) fn calibrate(cameras: &[Calibration<'_>]) -> ErrorRates {
     let outcome = |step: i32| {
         let rate = 10_f64.powf(f64::from(step) / f64::from(STEPS) - 2.0);
         let (predictions, differences): (Vec<f64>, Vec<f64>) = cameras
@@ -62,8 +58,8 @@ pub(crate) fn calibrate(
             })
             .unzip();
         let predicted = mean(&predictions);
-        let [common, usual] = [uncertainty(predicted), USUAL_SPREAD].map(|part| part * predicted);
-        At { rate, predicted, bound: predicted + upper_bound(&differences, common, usual) }
+        let bound = predicted + upper_bound(&differences, USUAL_SPREAD * predicted);
+        At { rate, predicted, bound }
     };
     let outcomes: Vec<At> = (0..=9 * STEPS).map(outcome).collect();
     let mut supported: Vec<ErrorRate> = Vec::new();
@@ -112,14 +108,14 @@ fn mean(values: &[f64]) -> f64 {
 
 /// Upper confidence bound of the mean of what `values` are a sample of, in the order in which they
 /// were taken along tracks. Infinite for fewer than two, which say nothing of the spread; NaN counts
-/// as infinite. `common`: standard error that all values have in common.
+/// as infinite.
 ///
 /// Cameras lie evenly along tracks, so what changes slowly along a track does not make their mean
 /// uncertain. The variance is that of differences between neighbours (von Neumann 1941; Wolter 2007,
 /// "Introduction to variance estimation", section 8.2); of independent values it is the usual one. It is
 /// averaged with the square of `usual`, which counts as [`USUAL_COUNT`] of them (the mode of an inverse
 /// gamma prior; Gelman et al. 2013, "Bayesian data analysis", section 2.6).
-fn upper_bound(values: &[f64], common: f64, usual: f64) -> f64 {
+fn upper_bound(values: &[f64], usual: f64) -> f64 {
     let count = values.len() as f64;
     if count < 2.0 {
         return f64::INFINITY;
@@ -134,7 +130,7 @@ fn upper_bound(values: &[f64], common: f64, usual: f64) -> f64 {
     let student = z
         + (z.powi(3) + z) / (4.0 * freedom)
         + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * freedom * freedom);
-    let bound = mean + student * (variance / count + common * common).sqrt();
+    let bound = mean + student * (variance / count).sqrt();
     if bound.is_nan() { f64::INFINITY } else { bound }
 }
 
@@ -147,7 +143,7 @@ mod tests {
         // A ramp, in its order and in one that is as good as random: the usual variance.
         let ramp: Vec<f64> = (0..101).map(|index| f64::from(index) / 100.0).collect();
         let mixed: Vec<f64> = (0..101).map(|index| f64::from(index * 37 % 101) / 100.0).collect();
-        let margin = |values: &[f64]| upper_bound(values, 0.0, 0.0) - 0.5;
+        let margin = |values: &[f64]| upper_bound(values, 0.0) - 0.5;
         let usual = 1.29 * (1.0_f64 / 12.0 / 101.0).sqrt();
         assert!(margin(&ramp) < 0.05 * usual, "{}", margin(&ramp));
         assert!((margin(&mixed) / usual - 1.0).abs() < 0.3, "{} and {usual}", margin(&mixed));
@@ -161,26 +157,23 @@ mod tests {
             let values: Vec<f64> = (0..count).map(f64::from).collect();
             let n = f64::from(count);
             let expected = (n - 1.0) / 2.0 + quantile * (0.5 / n).sqrt();
-            let bound = upper_bound(&values, 0.0, 0.5_f64.sqrt());
+            let bound = upper_bound(&values, 0.5_f64.sqrt());
             assert!((bound / expected - 1.0).abs() < 0.02, "{count}: {bound} and {expected}");
         }
-        assert_eq!(upper_bound(&[0.3; 7], 0.0, 0.0), 0.3);
-        // Quantile of 90 % for 8 degrees of freedom: 1.397.
-        assert!((upper_bound(&[0.3; 7], 0.1, 0.0) - 0.4397).abs() < 2e-3);
+        assert_eq!(upper_bound(&[0.3; 7], 0.0), 0.3);
         for (odd, why) in [
             (vec![], "none"),
             (vec![0.1], "one"),
             (vec![0.1, f64::NAN], "NaN"),
             (vec![0.1, f64::INFINITY], "infinite"),
         ] {
-            assert_eq!(upper_bound(&odd, 0.0, 0.01), f64::INFINITY, "{why}");
+            assert_eq!(upper_bound(&odd, 0.01), f64::INFINITY, "{why}");
         }
     }
 
     #[test]
     fn two_cameras_that_agree_by_chance_leave_a_margin_and_many_hardly_any() {
-        let margin =
-            |count: usize| upper_bound(&vec![0.02; count], 0.0, USUAL_SPREAD * 0.02) / 0.02;
+        let margin = |count: usize| upper_bound(&vec![0.02; count], USUAL_SPREAD * 0.02) / 0.02;
         assert!((1.25..1.4).contains(&margin(2)), "{}", margin(2));
         assert!(margin(30) < 1.03 && margin(30) > 1.0, "{}", margin(30));
     }

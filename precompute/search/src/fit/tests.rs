@@ -213,7 +213,7 @@ fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
         let held_out = scene(30, 1000 + seed, 0.02, |_| true);
         let (frontier, table) = (&fitted.octree.frontiers[0], &held_out.table);
         let cameras: Vec<_> = (0..30).map(|row| Calibration { frontier, table, row }).collect();
-        let rates = calibrate(&cameras, &|_| 0.0);
+        let rates = calibrate(&cameras);
         assert!(rates.is_sound() && rates.0.len() > 8, "{rates:?}");
         for budget in [0.01, 0.02, 0.04] {
             all += 1;
@@ -226,20 +226,12 @@ fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
 
 #[test]
 fn without_cameras_nothing_is_calibrated_and_few_support_little() {
-    assert_eq!(calibrate(&[], &|_| 0.0), ErrorRates::default());
+    assert_eq!(calibrate(&[]), ErrorRates::default());
     let train = scene(40, 9, 0.0, |_| true);
     let fitted = fitted(&train);
     let camera = || Calibration { frontier: &fitted.shared, table: &train.table, row: 0 };
-    assert_eq!(
-        calibrate(&[camera()], &|_| 0.0),
-        ErrorRates::default(),
-        "one says nothing of the spread"
-    );
-    let least = |uncertainty: f64| {
-        let rates = calibrate(&[camera(), camera(), camera()], &|_| uncertainty);
-        rates.0.first().map(|rate| rate.budget)
-    };
-    assert!(least(0.0).is_some() && least(0.0) <= least(0.5), "{:?} {:?}", least(0.0), least(0.5));
-    let unknown = calibrate(&[Calibration { table: &CostTable::new(1), ..camera() }], &|_| 0.0);
+    assert_eq!(calibrate(&[camera()]), ErrorRates::default(), "one says nothing of the spread");
+    assert!(!calibrate(&[camera(), camera(), camera()]).0.is_empty());
+    let unknown = calibrate(&[Calibration { table: &CostTable::new(1), ..camera() }]);
     assert!(unknown.is_sound());
 }

@@ -1,4 +1,4 @@
-//! The end of a search: costs as in play, the fit, calibration, the map.
+//! The end of a search: the fit, calibration, the map.
 
 use frugal_core::frontier::{
     CameraView, Capture, ErrorRates, FrontierMap, KnobEffects, SceneIdentity, Thresholds,
@@ -7,9 +7,7 @@ use frugal_core::frontier::{
 use frugal_core::power::MeterInfo;
 
 use super::modelled::{modelled, readings};
-use super::{
-    Extent, Outcome, PipelineConfig, PlayShare, Purpose, Rendered, Renderings, Subject, table,
-};
+use super::{Extent, Outcome, PipelineConfig, Purpose, Rendered, Renderings, Subject, table};
 use crate::cameras::{CameraSet, MovingCamera, view_from};
 use crate::cost::{CostModel, saved_joules, work_prices};
 use crate::fit::{
@@ -32,15 +30,13 @@ pub(super) fn finish<M: Measure>(
     (unrendered, features): (&[MovingCamera], [Vec<ViewFeatures>; 2]),
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
-    let Rendered { pool, counts, played, completion } = rendered;
+    let Rendered { pool, counts, completion } = rendered;
     let table = |purpose: Purpose, count: usize| {
         table(renderings, purpose, &(0..count).collect::<Vec<_>>(), &pool)
     };
     let rendered = table(Purpose::Training, cameras.training.len());
-    let (clips, cost) = modelled(subject, &rendered, completion.as_ref());
-    // Power by the model, and all errors, as in play.
-    let costs = played.apply(&clips, &clips);
-    let calibration = played.apply(&table(Purpose::Calibration, counts[1]), &costs);
+    let (costs, cost) = modelled(subject, &rendered, completion.as_ref());
+    let calibration = table(Purpose::Calibration, counts[1]);
     let (training, rows) = Training::new(&costs, &cameras.training, &pool);
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
     let views_of = |cameras: &[MovingCamera]| -> Vec<CameraView> {
@@ -55,7 +51,7 @@ pub(super) fn finish<M: Measure>(
     let fitted = fit(&training, &views, subject.bounds, config);
     let is_full = |row: usize| pool.iter().all(|one| rendered.get(row, *one).is_some());
     let evidence = (&costs, &rows[..], &is_full as &dyn Fn(usize) -> bool, &calibration);
-    let error_rates = calibrated(subject, cameras, &fitted, evidence, &played);
+    let error_rates = calibrated(subject, cameras, &fitted, evidence);
     let best = subject.space.canonical(subject.space.highest());
     let readings = readings(subject, &rendered);
     Outcome {
@@ -70,7 +66,6 @@ pub(super) fn finish<M: Measure>(
         effort: (renderings.clock.made, renderings.clock.seconds),
         training: costs.with_rows(&rows),
         training_cameras: rows,
-        played,
         noise: rendered.known_mean_error(best).unwrap_or(0.0),
         fitted,
     }
@@ -110,7 +105,6 @@ fn calibrated(
     cameras: &CameraSet,
     fitted: &Fitted,
     (costs, rows, is_full, calibration): (&CostTable, &[usize], &dyn Fn(usize) -> bool, &CostTable),
-    played: &PlayShare,
 ) -> ErrorRates {
     let apart = (0..calibration.rows()).filter_map(|row| {
         let camera = cameras.calibration[row];
@@ -136,7 +130,7 @@ fn calibrated(
     // Groups are numbered along tracks.
     all.sort_by_key(|judge| judge.camera.group);
     let cameras: Vec<Calibration<'_>> = all.iter().map(|judge| judge.calibration).collect();
-    calibrate(&cameras, &|error| played.uncertainty(error))
+    calibrate(&cameras)
 }
 
 /// The map of what `config`'s search of `subject` found.

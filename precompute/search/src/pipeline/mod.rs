@@ -8,7 +8,6 @@ mod extent;
 mod finish;
 mod modelled;
 mod pilots;
-mod play;
 mod renderings;
 #[cfg(test)]
 mod tests;
@@ -29,7 +28,6 @@ pub use extent::Extent;
 use finish::finish;
 pub use finish::map_of;
 use modelled::{modelled, readings};
-pub use play::PlayShare;
 use renderings::{Job, Purpose, Renderings};
 pub use renderings::{Progress, Setup};
 
@@ -94,8 +92,6 @@ pub struct Outcome {
     pub renderings: usize,
     /// Number of renderings made in this run, and their duration in seconds.
     pub effort: (usize, f64),
-    /// Errors in play as a share of those of clips, whose history is shorter.
-    pub played: PlayShare,
     /// Mean error of the best settings rendered twice: the noise floor of errors.
     pub noise: f64,
     /// Costs of the pool at the training cameras of the map.
@@ -261,14 +257,11 @@ struct Rendered {
     pool: Vec<KnobLevels>,
     /// Numbers of training and calibration cameras.
     counts: [usize; 2],
-    /// Errors in play as a share of those of clips.
-    played: PlayShare,
     /// Errors of the settings that a camera has not rendered; `None` where all have all.
     completion: Option<Completion>,
 }
 
-/// Renders the pool at blocks of training and calibration cameras, and some of it over stretches of
-/// the tracks.
+/// Renders the pool at blocks of training and calibration cameras.
 fn render_cameras<M: Measure>(
     subject: &Subject<'_>,
     extent: &Extent,
@@ -281,8 +274,6 @@ fn render_cameras<M: Measure>(
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
     let at_pilots = table(renderings, Purpose::Training, pilots, candidates);
     let pool = portfolio(&modelled(subject, &at_pilots, None).0, extent.pool, &ends);
-    let at_pilots = table(renderings, Purpose::Training, pilots, &pool);
-    let played = play::share_of_play(&at_pilots, space, renderings)?;
     // The pilot cameras are already rendered.
     let order: Vec<usize> = pilots
         .iter()
@@ -314,7 +305,7 @@ fn render_cameras<M: Measure>(
         renderings.batch("cameras", &batch)?;
         counts = [counts[0] + training.len(), counts[1] + calibration.len()];
     }
-    Ok(Rendered { pool, counts, played, completion })
+    Ok(Rendered { pool, counts, completion })
 }
 
 fn table<M: Measure>(

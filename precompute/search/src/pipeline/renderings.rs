@@ -24,10 +24,6 @@ pub(super) enum Purpose {
     Training = b't',
     /// Calibrating error budgets.
     Calibration = b'c',
-    /// A whole stretch of a track.
-    Play = b'p',
-    /// The end of a stretch, as long as a clip.
-    Clip = b'e',
     /// Predicting costs; nothing is rendered.
     Unrendered = b'u',
 }
@@ -35,7 +31,7 @@ pub(super) enum Purpose {
 /// Settings to render at one camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Job {
-    /// Purpose of the camera, and its number among the cameras of that purpose, or among the stretches.
+    /// Purpose of the camera, and its number among the cameras of that purpose.
     pub camera: (Purpose, usize),
     /// The settings.
     pub settings: Vec<KnobLevels>,
@@ -166,15 +162,10 @@ impl<'a, M: Measure> Renderings<'a, M> {
             let camera = cameras.get(number);
             camera.map(|camera| camera.clip(frames, frames_per_second)).unwrap_or_default()
         };
-        let stretch = cameras.stretches.get(number).map_or(&[][..], Vec::as_slice);
         match purpose {
             Purpose::Training => of_camera(&cameras.training),
             Purpose::Calibration => of_camera(&cameras.calibration),
             Purpose::Unrendered => Vec::new(),
-            Purpose::Play => stretch.to_vec(),
-            Purpose::Clip => {
-                stretch[stretch.len().saturating_sub(frames.max(1) as usize)..].to_vec()
-            }
         }
     }
 
