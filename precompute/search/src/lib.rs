@@ -6,7 +6,6 @@
 //! | [`files`] | output files that are replaced as a whole |
 //! | [`journal`] | the append-only file from which a killed run continues |
 //! | [`cameras`] | positions of training and calibration cameras |
-//! | [`view_features`] | what a view shows, in twenty numbers |
 //! | [`table`] | power and error by camera and settings |
 //! | `search` | NSGA-II over a model that gives settings a cost |
 //! | [`cost`] | the work of settings, and a fitted price of each kind of work |
@@ -30,4 +29,3 @@ mod search;
 pub mod table;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
-pub mod view_features;

@@ -5,8 +5,6 @@ mod tracks;
 
 use bevy_frugal_gi::gi::GiLimits;
 use frugal_search::cost::{FrameLayout, POINT_LIGHT_MAPS};
-use frugal_search::view_features::ViewDescriber;
-use frugal_trace::integrator::ReferenceScene;
 use frugal_trace::light::Light;
 
 use crate::scene::SceneDescription;
@@ -24,22 +22,11 @@ pub(crate) fn frame_layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLay
     FrameLayout { size, maps: maps as u32, point_lights: points as u32, has_sky }
 }
 
-/// Describes the views of `scene`, which is `traced`.
-pub(crate) fn view_describer(scene: &SceneDescription, traced: ReferenceScene) -> ViewDescriber {
-    ViewDescriber {
-        scene: traced,
-        vertical_fov_degrees: scene.camera.vertical_fov,
-        near: scene.camera.near,
-        exposure_ev100: scene.exposure_ev100,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use frugal_search::cameras::{CameraSet, MovingCamera};
-    use frugal_search::view_features::ViewFeatures;
-    use frugal_trace::scene::{CameraPose, RayScene};
-    use glam::{Quat, Vec3};
+    use frugal_trace::scene::RayScene;
+    use glam::Vec3;
 
     use super::*;
     use crate::scene::{LoadedScene, load};
@@ -63,33 +50,6 @@ mod tests {
         );
     }
 
-    fn describe(position: Vec3, target: Vec3) -> ViewFeatures {
-        let scene = loaded("courtyard");
-        let traced = scene.reference().expect("it can be traced");
-        let describer = view_describer(&scene, traced);
-        let rotation = Quat::from_mat3(&glam::Mat3::from_quat(
-            glam::Affine3A::look_at_rh(position, target, Vec3::Y)
-                .inverse()
-                .to_scale_rotation_translation()
-                .1,
-        ));
-        let pose = CameraPose { position, rotation };
-        describer.describe(&MovingCamera { pose, velocity: Vec3::X, turn: Vec3::ZERO, group: 0 })
-    }
-
-    #[test]
-    fn features_tell_bright_and_near_from_dim_and_far() {
-        let court = describe(Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
-        let room = describe(Vec3::new(0.0, 1.6, -10.8), Vec3::new(1.3, 0.9, -13.4));
-        assert_eq!((court.len(), room.len()), (20, 20));
-        assert!(court.iter().chain(&room).all(|feature| feature.is_finite()), "{court:?} {room:?}");
-        assert!(court[0] > room[0], "the court is brighter: {} and {}", court[0], room[0]);
-        assert!(court[5] > room[5], "and further away: {} and {}", court[5], room[5]);
-        assert!(room[12] > court[12], "the room is shaded: {} and {}", room[12], court[12]);
-        assert_eq!(court, describe(Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4)));
-        assert!((court[18] - 2.0_f64.ln()).abs() < 1e-6 && court[19] == 0.0, "motion");
-    }
-
     #[test]
     fn cameras_are_at_reachable_positions_and_the_sets_are_disjoint() {
         let scene = loaded("courtyard");
@@ -97,12 +57,12 @@ mod tests {
         let bounds = scene.camera_bounds();
         let tracks = tracks_of(scene.paths.values(), 15.0);
         let lens = (scene.camera.vertical_fov.to_radians(), 16.0 / 9.0);
-        let sampled = |seed| CameraSet::sample(rays, &bounds, &tracks, [60, 20, 30], lens, seed);
+        let sampled = |seed| CameraSet::sample(rays, &bounds, &tracks, [60, 20], lens, seed);
         let set = sampled(3);
-        assert_eq!((set.training.len(), set.calibration.len(), set.unrendered.len()), (60, 20, 30));
+        assert_eq!((set.training.len(), set.calibration.len()), (60, 20));
         assert_eq!(set, sampled(3), "the same seed");
         assert_ne!(set, sampled(4));
-        for camera in set.training.iter().chain(&set.calibration).chain(&set.unrendered) {
+        for camera in set.training.iter().chain(&set.calibration) {
             let position = camera.pose.position;
             assert!(!rays.inside_geometry(position), "{position}");
             // Under the arcade or in the court: a floor below, within the walls.
@@ -146,9 +106,8 @@ mod tests {
         let scene = loaded("courtyard");
         let rays = &*scene.rays;
         let bounds = scene.camera_bounds();
-        let sampled = |rays: &RayScene, bounds| {
-            CameraSet::sample(rays, bounds, &[], [10, 5, 2], (1.0, 1.5), 1)
-        };
+        let sampled =
+            |rays: &RayScene, bounds| CameraSet::sample(rays, bounds, &[], [10, 5], (1.0, 1.5), 1);
         assert_eq!(sampled(rays, &bounds).training.len(), 10);
         let nothing = RayScene::new([]);
         assert!(sampled(&nothing, &bounds).training.is_empty(), "nothing can be seen");

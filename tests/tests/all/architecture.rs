@@ -82,17 +82,7 @@ const TOOL: &[&str] = &[
 
 /// The search's parts.
 const SEARCH: &[&str] = &[
-    "files",
-    "linalg",
-    "journal",
-    "cameras",
-    "view_features",
-    "table",
-    "search",
-    "cost",
-    "pool",
-    "fit",
-    "pipeline",
+    "files", "linalg", "journal", "cameras", "table", "search", "cost", "pool", "fit", "pipeline",
     "evaluate",
 ];
 

@@ -20,9 +20,7 @@ const TRIES: usize = 60;
 
 /// Shares of cameras on tracks, to within 10 cm, and near tracks, displaced and rotated. The rest is
 /// from free space. More on tracks fit the map to these.
-const RENDERED: (f64, f64) = (0.6, 0.15);
-/// The same of unrendered views: cameras cover the tracks, and these all else.
-const UNRENDERED: (f64, f64) = (0.0, 0.2);
+const SHARES: (f64, f64) = (0.6, 0.15);
 
 /// Disjoint sets of cameras for two purposes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,9 +29,6 @@ pub struct CameraSet {
     pub training: Vec<MovingCamera>,
     /// Cameras for calibrating error budgets.
     pub calibration: Vec<MovingCamera>,
-    /// Views that are not rendered, all over free space and around the tracks: what they cost is
-    /// predicted.
-    pub unrendered: Vec<MovingCamera>,
 }
 
 /// A sample for each frame of `seconds`, and at least one: `pose` gives the camera's by the time since
@@ -63,8 +58,7 @@ struct Source<'a> {
 }
 
 impl CameraSet {
-    /// Samples `count` training cameras, `calibration` others, and `unrendered` views. Deterministic
-    /// in `seed`.
+    /// Samples `count` training cameras and `calibration` others. Deterministic in `seed`.
     ///
     /// `lens`: vertical field of view in radians, and width ÷ height. Returns fewer cameras where
     /// few positions can be reached; none where no position sees any geometry.
@@ -72,7 +66,7 @@ impl CameraSet {
         rays: &RayScene,
         bounds: &Bounds,
         tracks: &[Vec<TrackSample>],
-        [count, calibration, unrendered]: [usize; 3],
+        [count, calibration]: [usize; 2],
         lens: (f32, f32),
         seed: u64,
     ) -> Self {
@@ -93,9 +87,8 @@ impl CameraSet {
             random
         };
         Self {
-            training: source.sample(count, RENDERED, stream(0)),
-            calibration: source.sample(calibration, RENDERED, stream(1)),
-            unrendered: source.sample(unrendered, UNRENDERED, stream(2)),
+            training: source.sample(count, stream(0)),
+            calibration: source.sample(calibration, stream(1)),
         }
     }
 }
@@ -124,17 +117,12 @@ fn locate(tracks: &[Vec<TrackSample>], of_all: usize) -> Option<(usize, &[TrackS
 }
 
 impl Source<'_> {
-    fn sample(
-        &self,
-        count: usize,
-        (on_tracks, near_tracks): (f64, f64),
-        mut random: ChaCha8Rng,
-    ) -> Vec<MovingCamera> {
+    fn sample(&self, count: usize, mut random: ChaCha8Rng) -> Vec<MovingCamera> {
         let count_of = |share: f64| {
             if self.tracks.is_empty() { 0 } else { (share * count as f64).round() as usize }
         };
-        let on = count_of(on_tracks);
-        let near = count_of(near_tracks).min(count - on);
+        let on = count_of(SHARES.0);
+        let near = count_of(SHARES.1).min(count - on);
         let on_tracks = (0..on).filter_map(|index| {
             let near =
                 self.attempt(|random| self.on_track(index, on, 0.1, 0.05, random), &mut random);

@@ -8,13 +8,37 @@
 use std::collections::BTreeMap;
 
 use frugal_core::frontier::{Address, Bounds, CameraView, CostPoint, Leaf, address_in};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
-use super::regression::Viewpoint;
 use super::training::{Estimate, Training};
 
 /// Prior weight of the shared estimate, in cameras at the exact viewpoint.
 const SHARED_WEIGHT: f64 = 0.1;
+
+/// Unit of distance between viewpoints: metres, and radians of rotation, per step. A camera's weight falls
+/// to 1/e with each step: higher values average more cameras, which keeps more error budgets; lower
+/// values tell views apart better where cameras are dense.
+const STEP: (f32, f32) = (2.0, 0.7);
+
+/// A camera's position and direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Viewpoint {
+    position: Vec3,
+    forward: Vec3,
+}
+
+impl Viewpoint {
+    fn new(position: Vec3, rotation: Quat) -> Self {
+        Self { position, forward: rotation * Vec3::NEG_Z }
+    }
+
+    /// Distance of two viewpoints in steps; infinite instead of NaN.
+    fn steps(&self, other: &Self) -> f32 {
+        let metres = self.position.distance(other.position) / STEP.0;
+        let turn = self.forward.angle_between(other.forward) / STEP.1;
+        if (metres + turn).is_finite() { metres + turn } else { f32::INFINITY }
+    }
+}
 
 /// Each camera's address at every depth of a uniformly divided octree.
 pub(super) struct Keys {
@@ -58,13 +82,13 @@ pub(super) fn leaf_at(levels: u8, depth: u8, position: Vec3) -> Leaf {
     Leaf { min, size }
 }
 
-/// Estimates at every depth from a subset of the cameras and unrendered views: shared, and for each
+/// Estimates at every depth from a subset of the cameras: shared, and for each
 /// address with cameras.
 pub(super) struct Pyramid<'a> {
     training: &'a Training,
     keys: &'a Keys,
     cameras: Vec<usize>,
-    /// The mean over all rendered cameras.
+    /// The mean over all of them.
     pub shared: Estimate,
     /// Cameras at each address, by depth.
     members: Vec<BTreeMap<Address, Vec<usize>>>,
@@ -80,9 +104,7 @@ impl<'a> Pyramid<'a> {
             members
         };
         let members = keys.addresses.iter().map(of_depth).collect();
-        let rendered: Vec<usize> =
-            cameras.iter().copied().filter(|camera| *camera < training.cameras()).collect();
-        Self { training, keys, cameras, shared: training.mean(&rendered), members }
+        Self { training, keys, shared: training.mean(&cameras), cameras, members }
     }
 
     /// The estimate at an address: at the viewpoints of its cameras, or at its own where it has

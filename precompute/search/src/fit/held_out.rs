@@ -23,14 +23,11 @@ fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> 
 }
 
 /// Estimates of each camera's costs from the cameras of other folds: the shared one, and that of the
-/// camera's address in the octree, each by camera. `depths`: of the octree's leaf of each camera. In each
-/// fold the unrendered views, too, are predicted without the cameras that are held out.
+/// camera's address in the octree, each by camera. `depths`: of the octree's leaf of each camera.
 pub(super) fn held_out(training: &Training, keys: &Keys, depths: &[usize]) -> [Vec<Estimate>; 2] {
     let mut estimates = [0; 2].map(|_| vec![Estimate::default(); training.cameras()]);
-    for (out, mut kept) in folds(training) {
-        let known = training.without(&out);
-        kept.extend(known.cameras()..known.views());
-        let pyramid = Pyramid::new(&known, keys, kept);
+    for (out, kept) in folds(training) {
+        let pyramid = Pyramid::new(training, keys, kept);
         for camera in out {
             let depth = depths[camera];
             estimates[0][camera] = pyramid.shared.clone();

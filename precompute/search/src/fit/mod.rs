@@ -2,8 +2,7 @@
 //! where that lowers the cost.
 //!
 //! The cost at an address is a mean over the training cameras, weighted by their distance to the
-//! address's own. For views between cameras, a regression predicts costs from what they show. A
-//! node of the octree is divided where the finer estimates differ (Wang et al. 2016, section
+//! address's own. A node of the octree is divided where the finer estimates differ (Wang et al. 2016, section
 //! 3.5.3). Where the division saves nothing at held-out cameras, all addresses share one frontier,
 //! so that no map is worse than its own best constant. Independent of the renderer.
 mod calibrate;
@@ -11,7 +10,6 @@ mod cluster;
 mod completion;
 mod estimate;
 mod held_out;
-mod regression;
 #[cfg(test)]
 mod tests;
 mod training;
@@ -27,7 +25,6 @@ use cluster::cluster;
 pub(crate) use completion::Completion;
 use estimate::{Keys, Pyramid, leaf_at};
 use held_out::{held_out, mean_loss};
-pub(crate) use regression::{DescribedView, Viewpoint};
 use training::Estimate;
 pub(crate) use training::Training;
 
@@ -35,8 +32,6 @@ pub(crate) use training::Training;
 const LEAST_WEIGHT: f64 = 0.5;
 /// Mean difference, of the logarithms of power and error, below which frontiers are the same.
 const LEAST_DISTANCE: f64 = 0.02;
-/// Number of unrendered views that justify a division as a camera does.
-const UNRENDERED_PER_CAMERA: usize = 4;
 /// Least saving at held-out cameras that justifies a larger map, as a share of the shared frontier's
 /// loss. Less than a standard error suffices, since estimates are shrunk towards the shared one.
 const LEAST_SAVING: f64 = 0.02;
@@ -96,7 +91,7 @@ pub struct Fitted {
     pub held_out: Vec<Frontier>,
 }
 
-/// Fits an octree over `bounds` to `training`; `views`: its cameras and unrendered views.
+/// Fits an octree over `bounds` to `training`; `views`: of its cameras.
 pub(crate) fn fit(
     training: &Training,
     views: &[CameraView],
@@ -104,8 +99,8 @@ pub(crate) fn fit(
     config: &FitConfig,
 ) -> Fitted {
     let levels = config.levels.min(6);
-    let all: Vec<usize> = (0..training.views()).collect();
-    let keys = Keys::new(bounds, levels, &views[..all.len().min(views.len())]);
+    let all: Vec<usize> = (0..training.cameras()).collect();
+    let keys = Keys::new(bounds, levels, views);
     let pyramid = Pyramid::new(training, &keys, all.clone());
     let shared = training.frontier(&pyramid.shared);
     let range = match shared.points() {
@@ -113,11 +108,6 @@ pub(crate) fn fit(
         _ => 0.0,
     };
     let threshold_w = config.power_threshold_w.max(config.power_threshold_share * range);
-    let is_enough = |cameras: &[usize]| {
-        let rendered = cameras.iter().filter(|camera| **camera < training.cameras()).count();
-        UNRENDERED_PER_CAMERA * rendered + (cameras.len() - rendered)
-            >= UNRENDERED_PER_CAMERA * config.least_cameras
-    };
     // At any finer depth: eight children may look alike, and their children not.
     let differs = |depth: usize, cameras: &[usize]| {
         (depth + 1..=usize::from(levels)).any(|finer| {
@@ -126,7 +116,9 @@ pub(crate) fn fit(
         })
     };
     let root = Leaf { min: [0; 3], size: 1 << levels };
-    let pays = |depth: usize, cameras: &[usize]| is_enough(cameras) && differs(depth, cameras);
+    let pays = |depth: usize, cameras: &[usize]| {
+        cameras.len() >= config.least_cameras && differs(depth, cameras)
+    };
     let (mut nodes, mut leaves) = divided(root, all.clone(), &keys, &pays);
     let mut depths = vec![0; all.len()];
     for (_, depth, cameras) in &leaves {
@@ -135,7 +127,7 @@ pub(crate) fn fit(
     let estimates = held_out(training, &keys, &depths);
     let [shared_loss, mut octree_loss] = estimates.each_ref().map(|it| mean_loss(training, it));
     let is_divided = shared_loss - octree_loss >= LEAST_SAVING * shared_loss;
-    // Cameras and unrendered views by address; corners on the border of two leaves have those of both.
+    // Cameras by address; corners on the border of two leaves have those of both.
     let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
     if is_divided {
         for (_, depth, cameras) in &leaves {

@@ -148,53 +148,6 @@ fn cameras_that_lack_a_reading_take_no_part() {
     assert_eq!((training.cameras(), rows), (4, vec![0, 1, 3, 5]));
 }
 
-/// What the views show: how hard they are.
-fn seen(scene: &Scene) -> Vec<DescribedView> {
-    let difficulty = |row: usize| {
-        scene.table.get(row, KnobLevels::from_bits(0)).map_or(f64::NAN, |cost| cost.error.ln())
-    };
-    let views = scene.views.iter().enumerate();
-    views
-        .map(|(row, view)| DescribedView {
-            viewpoint: Viewpoint::new(view.position, view.rotation),
-            features: vec![difficulty(row)],
-        })
-        .collect()
-}
-
-#[test]
-fn views_that_no_camera_has_rendered_get_predicted_costs() {
-    let (known, other) = (scene(60, 1, 0.02, |_| true), scene(40, 2, 0.02, |_| true));
-    let (plain, _) = Training::new(&known.table, &known.cameras, &settings());
-    let training = plain.clone().with_unrendered(seen(&known), seen(&other));
-    assert_eq!((training.cameras(), training.views()), (60, 100));
-    let (mut off, mut count) = (0.0, 0.0);
-    for row in 0..40 {
-        for (index, settings) in settings().into_iter().enumerate() {
-            let expected = other.table.get(row, settings).expect("known");
-            let found = training.costs(60 + row)[index];
-            assert!((found.power.0 / expected.power.0).ln().abs() < 0.1);
-            if expected.error > 1e-3 {
-                off += (found.error / expected.error).ln().abs();
-                count += 1.0;
-            }
-        }
-    }
-    assert!(off / count < 0.1, "{}", off / count);
-    // Without some of the cameras the predictions are others, and the cameras' costs the same.
-    let without = training.without(&[0, 1, 2, 3]);
-    assert_eq!((without.cameras(), without.views()), (60, 100));
-    assert!(without.costs(0) == training.costs(0) && without.costs(70) != training.costs(70));
-    let views: Vec<CameraView> = known.views.iter().chain(&other.views).copied().collect();
-    let fitted = fit(&training, &views, &BOUNDS, &FitConfig::default());
-    assert_eq!((fitted.octree.validate(), fitted.held_out.len()), (Ok(()), 60));
-    // Features of other views than the cameras, or of too few: nothing is added.
-    assert_eq!(plain.clone().with_unrendered(seen(&other), seen(&other)).views(), 60);
-    let (few, _) = Training::new(&known.table.with_rows(&[0, 1, 2]), &known.cameras, &settings());
-    let few = few.with_unrendered(seen(&known)[..3].to_vec(), seen(&other));
-    assert_eq!((few.cameras(), few.views()), (3, 3));
-}
-
 /// Mean error at fresh cameras of the settings selected under a budget.
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);

@@ -3,7 +3,6 @@
 use frugal_core::frontier::{CostPoint, Frontier, FrontierPoint};
 use frugal_core::knobs::KnobLevels;
 
-use super::regression::{DescribedView, Regression};
 use crate::cameras::MovingCamera;
 use crate::table::CostTable;
 
@@ -17,9 +16,6 @@ pub(crate) struct Training {
     /// By camera, then by setting.
     costs: Vec<Vec<CostPoint>>,
     pub(super) cameras: Vec<MovingCamera>,
-    /// What the views show, of the cameras and of the unrendered views after them; empty without
-    /// unrendered views.
-    seen: Vec<DescribedView>,
 }
 
 impl Training {
@@ -30,7 +26,7 @@ impl Training {
         settings: &[KnobLevels],
     ) -> (Self, Vec<usize>) {
         let (settings, costs) = (settings.to_vec(), Vec::new());
-        let mut training = Self { settings, costs, cameras: Vec::new(), seen: Vec::new() };
+        let mut training = Self { settings, costs, cameras: Vec::new() };
         let mut rows = Vec::new();
         let is_valid = |cost: &CostPoint| cost.power.0 > 0.0 && cost.error >= 0.0;
         for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
@@ -45,60 +41,12 @@ impl Training {
         (training, rows)
     }
 
-    /// Adds views that no camera has rendered, with predicted costs; `cameras`: what the cameras
-    /// see. Without enough cameras, nothing is added.
-    pub(crate) fn with_unrendered(
-        mut self,
-        cameras: Vec<DescribedView>,
-        unrendered: Vec<DescribedView>,
-    ) -> Self {
-        if cameras.len() == self.cameras() {
-            self.seen = cameras;
-            self.seen.extend(unrendered);
-        }
-        self.without(&[])
-    }
-
-    /// The same cameras, and the unrendered views as predicted without the cameras `out`.
-    pub(super) fn without(&self, out: &[usize]) -> Self {
-        let mut training = self.clone();
-        training.costs.truncate(self.cameras());
-        let kept: Vec<usize> = (0..self.cameras()).filter(|camera| !out.contains(camera)).collect();
-        if self.seen.len() <= self.cameras() {
-            return training;
-        }
-        let errors: Vec<Vec<f64>> = kept
-            .iter()
-            .map(|camera| self.costs[*camera].iter().map(|cost| cost.error).collect())
-            .collect();
-        let seen = kept.iter().map(|camera| self.seen[*camera].clone()).collect();
-        let Some(regression) = Regression::fit(seen, &errors) else {
-            // Views without a prediction would shift the addresses of those with one.
-            training.seen.clear();
-            return training;
-        };
-        // Power hardly differs by view; errors do.
-        let power = self.mean(&kept).costs;
-        for view in &self.seen[self.cameras()..] {
-            let costs = regression.errors(view).into_iter().zip(&power);
-            training
-                .costs
-                .push(costs.map(|(error, mean)| CostPoint::new(mean.power.0, error)).collect());
-        }
-        training
-    }
-
     /// Number of cameras.
     pub(crate) fn cameras(&self) -> usize {
         self.cameras.len()
     }
 
-    /// Number of cameras and unrendered views with costs.
-    pub(super) fn views(&self) -> usize {
-        self.costs.len()
-    }
-
-    /// Cost of each setting at a camera, or at an unrendered view.
+    /// Cost of each setting at a camera.
     pub(crate) fn costs(&self, camera: usize) -> &[CostPoint] {
         &self.costs[camera]
     }

@@ -32,8 +32,6 @@ pub struct Extent {
     pub anchors: usize,
     /// Training cameras between two checks of the time limit.
     pub block: usize,
-    /// Greatest number of views whose costs are predicted. Each takes a few hundredths of a second.
-    pub views: usize,
 }
 
 impl Extent {
@@ -48,7 +46,6 @@ impl Extent {
         full: 20,
         anchors: 6,
         block: 6,
-        views: 500,
     };
     /// For some hundred renderings: at six pilots, screening alone would take all of them. Many full
     /// cameras, since completed errors share the prediction's bias.
@@ -62,7 +59,6 @@ impl Extent {
         full: 12,
         anchors: 5,
         block: 2,
-        views: 150,
     };
     /// For fewer: rather some cameras with few settings than the reverse, which leaves the way between
     /// cameras unknown.

@@ -10,24 +10,19 @@ use super::modelled::{modelled, readings};
 use super::{Extent, Outcome, PipelineConfig, Purpose, Rendered, Renderings, Subject, table};
 use crate::cameras::{CameraSet, MovingCamera, view_from};
 use crate::cost::{CostModel, saved_joules, work_prices};
-use crate::fit::{
-    Calibration, DescribedView, FitConfig, Fitted, Training, Viewpoint, calibrate, fit,
-};
+use crate::fit::{Calibration, FitConfig, Fitted, Training, calibrate, fit};
 use crate::pool::Screening;
 use crate::table::{CostTable, Measure};
-use crate::view_features::ViewFeatures;
 
 /// Cameras of tracks that are enough to calibrate by them alone.
 const ENOUGH_ON_TRACKS: usize = 20;
 
-/// Fits the octree and calibrates error budgets. `unrendered`: views that no camera has rendered;
-/// `features`: what training cameras and those views show.
+/// Fits the octree and calibrates error budgets.
 pub(super) fn finish<M: Measure>(
     subject: &Subject<'_>,
     config: &FitConfig,
     cameras: &CameraSet,
     (extent, screening, rendered): (Extent, Screening, Rendered),
-    (unrendered, features): (&[MovingCamera], [Vec<ViewFeatures>; 2]),
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
     let Rendered { pool, counts, completion } = rendered;
@@ -39,15 +34,8 @@ pub(super) fn finish<M: Measure>(
     let calibration = table(Purpose::Calibration, counts[1]);
     let (training, rows) = Training::new(&costs, &cameras.training, &pool);
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
-    let views_of = |cameras: &[MovingCamera]| -> Vec<CameraView> {
-        cameras.iter().map(|camera| view_from(&camera.pose, subject.lens)).collect()
-    };
-    let (mut views, beyond) = (views_of(&used), views_of(unrendered));
-    let [of_training, of_unrendered] = &features;
-    let of_training = rows.iter().filter_map(|row| of_training.get(*row));
-    let training =
-        training.with_unrendered(described(&views, of_training), described(&beyond, of_unrendered));
-    views.extend(beyond);
+    let views: Vec<CameraView> =
+        used.iter().map(|camera| view_from(&camera.pose, subject.lens)).collect();
     let fitted = fit(&training, &views, subject.bounds, config);
     let is_full = |row: usize| pool.iter().all(|one| rendered.get(row, *one).is_some());
     let evidence = (&costs, &rows[..], &is_full as &dyn Fn(usize) -> bool, &calibration);
@@ -69,18 +57,6 @@ pub(super) fn finish<M: Measure>(
         noise: rendered.known_mean_error(best).unwrap_or(0.0),
         fitted,
     }
-}
-
-fn described<'a>(
-    views: &[CameraView],
-    features: impl IntoIterator<Item = &'a ViewFeatures>,
-) -> Vec<DescribedView> {
-    let pairs = views.iter().zip(features);
-    let described = |(view, features): (&CameraView, &ViewFeatures)| DescribedView {
-        viewpoint: Viewpoint::new(view.position, view.rotation),
-        features: features.clone(),
-    };
-    pairs.map(described).collect()
 }
 
 /// A camera by which error budgets are calibrated.

@@ -16,13 +16,12 @@ use frugal_core::frontier::{Bounds, ErrorRates};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::units::Watts;
 
-use crate::cameras::{CameraSet, MovingCamera};
+use crate::cameras::CameraSet;
 use crate::cost::{CostModel, FrameLayout, Work};
 use crate::fit::{Completion, FitConfig, Fitted};
 use crate::journal::JournalError;
 use crate::pool::{Screening, portfolio, propose, screening_settings};
 use crate::table::{CostTable, Measure};
-use crate::view_features::ViewFeatures;
 
 pub use extent::Extent;
 use finish::finish;
@@ -113,8 +112,6 @@ pub struct Subject<'a> {
     pub lens: (f32, f32),
     /// Power of the idle device, which readings contain.
     pub idle: Watts,
-    /// Describes what a camera sees; without features where that is not known.
-    pub describe: &'a dyn Fn(&MovingCamera) -> ViewFeatures,
 }
 
 /// Runs the pipeline.
@@ -139,34 +136,7 @@ pub fn run<M: Measure>(
     let candidates =
         find_pool(subject, config.seed, &extent, pilots, (&screening, rendered), &mut renderings)?;
     let rendered = render_cameras(subject, &extent, cameras, pilots, &candidates, &mut renderings)?;
-    let views = &cameras.unrendered[..extent.views.min(cameras.unrendered.len())];
-    let features = view_features(subject, cameras, views, &mut renderings)?;
-    let found = (extent, screening, rendered);
-    Ok(finish(subject, &config.fit, cameras, found, (views, features), &renderings))
-}
-
-/// What training cameras and unrendered views show; nothing without the latter.
-fn view_features<M: Measure>(
-    subject: &Subject<'_>,
-    cameras: &CameraSet,
-    unrendered: &[MovingCamera],
-    renderings: &mut Renderings<'_, M>,
-) -> Result<[Vec<ViewFeatures>; 2], PipelineError<M::Error>> {
-    let mut features = [Vec::new(), Vec::new()];
-    if unrendered.is_empty() {
-        return Ok(features);
-    }
-    let (mut done, total) = (0, cameras.training.len() + unrendered.len());
-    let sets = [(Purpose::Training, &cameras.training[..]), (Purpose::Unrendered, unrendered)];
-    for (features, (purpose, cameras)) in features.iter_mut().zip(sets) {
-        for (index, camera) in cameras.iter().enumerate() {
-            let progress = Progress { stage: "views", done, total };
-            let describe = || (subject.describe)(camera);
-            features.push(renderings.features((purpose, index), &progress, describe)?);
-            done += 1;
-        }
-    }
-    Ok(features)
+    Ok(finish(subject, &config.fit, cameras, (extent, screening, rendered), &renderings))
 }
 
 /// Screening at the pilot cameras. What a knob does may show elsewhere alone: those without effect

@@ -14,7 +14,6 @@ use super::clock::Clock;
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::{Journal, JournalError};
 use crate::table::{Batch, Measure, Measured};
-use crate::view_features::ViewFeatures;
 
 /// Purpose of a camera; its letter in the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,8 +23,6 @@ pub(super) enum Purpose {
     Training = b't',
     /// Calibrating error budgets.
     Calibration = b'c',
-    /// Predicting costs; nothing is rendered.
-    Unrendered = b'u',
 }
 
 /// Settings to render at one camera.
@@ -165,7 +162,6 @@ impl<'a, M: Measure> Renderings<'a, M> {
         match purpose {
             Purpose::Training => of_camera(&cameras.training),
             Purpose::Calibration => of_camera(&cameras.calibration),
-            Purpose::Unrendered => Vec::new(),
         }
     }
 
@@ -210,33 +206,6 @@ impl<'a, M: Measure> Renderings<'a, M> {
             |all: &Vec<_>| write_settings(all),
             choose,
         )
-    }
-
-    /// What a view shows: described once and journaled, for the same reason.
-    ///
-    /// # Errors
-    /// When the journal cannot be written, or the run is stopped.
-    pub(super) fn features(
-        &mut self,
-        (purpose, camera): (Purpose, usize),
-        progress: &Progress<'_>,
-        describe: impl FnOnce() -> ViewFeatures,
-    ) -> Result<ViewFeatures, PipelineError<M::Error>> {
-        let key = format!("view {} {camera:x} ", purpose as u8 as char);
-        let mut is_new = false;
-        let features = self.once(
-            &key,
-            read_features,
-            |all: &ViewFeatures| write_features(all),
-            |_| {
-                is_new = true;
-                describe()
-            },
-        )?;
-        if is_new && (self.setup.report)(progress).is_break() {
-            return Err(PipelineError::Interrupted);
-        }
-        Ok(features)
     }
 
     /// What the last record after `key` says; what is made instead is journaled.
@@ -292,15 +261,6 @@ fn read_settings(words: &str) -> Option<Vec<KnobLevels>> {
     words.split_whitespace().map(bits).collect()
 }
 
-fn write_features(features: &[f64]) -> String {
-    features.iter().map(|one| format!("{:016x}", one.to_bits())).collect::<Vec<_>>().join(" ")
-}
-
-fn read_features(words: &str) -> Option<ViewFeatures> {
-    let number = |word| Some(f64::from_bits(u64::from_str_radix(word, 16).ok()?));
-    words.split_whitespace().map(number).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -315,10 +275,7 @@ mod tests {
         for settings in [vec![], vec![KnobLevels::from_bits(0x1f), KnobLevels::from_bits(0)]] {
             assert_eq!(read_settings(&write_settings(&settings)), Some(settings));
         }
-        for features in [vec![], vec![0.1 + 0.2, -0.0, f64::INFINITY]] {
-            assert_eq!(read_features(&write_features(&features)), Some(features));
-        }
-        assert_eq!((read_settings("1f x"), read_features("1 x")), (None, None));
+        assert_eq!(read_settings("1f x"), None);
         assert_eq!((read_rendering("render t 0 0 x 0"), read_rendering("decide")), (None, None));
     }
 }

@@ -172,7 +172,6 @@ pub(crate) fn cameras() -> CameraSet {
     CameraSet {
         training: (0..40).map(camera).collect(),
         calibration: (100..130).map(camera).collect(),
-        unrendered: (300..340).map(camera).collect(),
     }
 }
 
@@ -207,14 +206,12 @@ pub(crate) fn run_with<M: Measure<Error = Infallible>>(
         left = left.saturating_sub(1);
         if left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let describe = |camera: &MovingCamera| camera.pose.position.to_array().map(f64::from).to_vec();
     let subject = Subject {
         space: &space,
         layout: &layout(),
         bounds: &BOUNDS,
         lens: (1.0, 1.5),
         idle: Watts(0.0),
-        describe: &describe,
     };
     let config = PipelineConfig::default();
     run(

@@ -2,11 +2,10 @@
 
 mod arguments;
 
-use std::cell::LazyCell;
 use std::path::Path;
 
 use frugal_core::frontier::{Bounds, Capture};
-use frugal_search::cameras::{CameraSet, MovingCamera, TrackSample};
+use frugal_search::cameras::{CameraSet, TrackSample};
 use frugal_search::journal::hash;
 use frugal_search::pipeline::{
     self, CLIP_FRAMES, Extent, PipelineError, Setup, Subject, map_of, run as run_pipeline,
@@ -67,7 +66,7 @@ fn search(
     let bounds = camera_space(scene, tracks);
     // A sixth as many for calibration.
     let calibration = arguments.training.div_ceil(6).min(MAX_CALIBRATION);
-    let counts = [arguments.training, calibration, Extent::WHOLE.views];
+    let counts = [arguments.training, calibration];
     let cameras =
         CameraSet::sample(&scene.rays, &bounds, tracks, counts, stage.lens, arguments.seed);
     let capture = Capture {
@@ -110,18 +109,12 @@ fn search(
 
     let layout = frame_layout(scene, stage.size);
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
-    // Only when the first view is described: on a resumed run it may never be.
-    let describer = LazyCell::new(|| scene.view_describer());
-    let describe = |camera: &MovingCamera| {
-        describer.as_ref().map(|describer| describer.describe(camera)).unwrap_or_default()
-    };
     let subject = Subject {
         space: &space,
         layout: &layout,
         bounds: &map_bounds,
         lens: stage.lens,
         idle: stage.idle,
-        describe: &describe,
     };
     let shown = Progress::new(0, "renderings");
     let mut report = |progress: &pipeline::Progress<'_>| {

@@ -8,7 +8,6 @@ use bevy_frugal_gi::stage::StageOptions;
 use bevy_frugal_gi::stage::extract::{ExtractedScene, ExtractedSky};
 use frugal_core::frontier::SceneIdentity;
 use frugal_core::knobs::KnobSpace;
-use frugal_search::view_features::ViewDescriber;
 use frugal_trace::integrator::ReferenceScene;
 use frugal_trace::light::Sky;
 
@@ -19,7 +18,6 @@ use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, SceneDescription, SceneError,
 };
 use crate::stage::{every_knob, useful_knobs};
-use crate::subject::view_describer;
 
 /// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
 /// that renders it. Dereferences to its scene. Says when it ends what of it is not shown or not
@@ -149,11 +147,6 @@ impl StagedScene {
             Some(ExtractedSky::Map(map, intensity)) => Sky::map(map.clone(), *intensity),
         };
         self.scene.reference_under(sky)
-    }
-
-    /// Describes its views; `None` where it cannot be path-traced.
-    pub(crate) fn view_describer(&self) -> Option<ViewDescriber> {
-        Some(view_describer(&self.scene, self.reference().ok()?))
     }
 
     /// Names of the knobs that can affect its images: an app's own among them.
