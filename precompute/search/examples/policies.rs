@@ -1,6 +1,6 @@
 //! Plays every policy on the records of docs/data/records: `cargo run --release -p frugal_search --example
 //! policies [FOLDER] [--json FILE]`. Prints, for each path and power budget, errors and what became of the
-//! budget. The file holds the same.
+//! budget. The file holds the same, and the medians of other searches' records, in FOLDER/seed-*.
 
 #[path = "shared/mod.rs"]
 mod shared;
@@ -48,6 +48,48 @@ struct ErrorRow {
     oracle: Played,
 }
 
+/// A path by the map of another seed: frugal's error ÷ a policy's, medians of the budgets from 30 %.
+#[derive(Serialize)]
+struct SeedRow {
+    scene: String,
+    path: String,
+    seed: u64,
+    trained: f64,
+    best: f64,
+    turns: f64,
+    shared: f64,
+    /// Share of the way from the best constant to the oracle.
+    way: f64,
+    windows_over: f64,
+}
+
+impl SeedRow {
+    /// From the rows of the path.
+    fn new(seed: u64, rows: &[PowerRow]) -> Self {
+        let median = |of: &dyn Fn(&PowerRow) -> f64| {
+            let mut values: Vec<f64> = rows[2..].iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            rounded(values[values.len() / 2], 3)
+        };
+        let ratio = |of: fn(&PowerRow) -> &Played| {
+            median(&|row| row.frugal.error / of(row).error)
+        };
+        Self {
+            scene: rows[0].scene.clone(),
+            path: rows[0].path.clone(),
+            seed,
+            trained: ratio(|row| &row.trained),
+            best: ratio(|row| &row.best),
+            turns: ratio(|row| &row.turns),
+            shared: ratio(|row| &row.shared),
+            way: median(&|row| {
+                (row.best.error - row.frugal.error) / (row.best.error - row.oracle.error)
+            }),
+            windows_over: rows[2..].iter().map(|row| row.windows_over).fold(0.0, f64::max),
+        }
+    }
+}
+
 /// Mean power and error of a policy.
 #[derive(Serialize)]
 struct Played {
@@ -64,12 +106,30 @@ impl Played {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments = Arguments::read()?;
     let records = read_records(&arguments.folder)?;
-    let (mut powers, mut errors) = (Vec::new(), Vec::new());
+    let (mut powers, mut errors, mut seeds) = (Vec::new(), Vec::new(), Vec::new());
     for (record, map) in &records {
+        let before = powers.len();
         print(record, map, &mut powers, &mut errors)?;
+        seeds.push(SeedRow::new(map.seed, &powers[before..]));
+    }
+    let mut others: Vec<_> = std::fs::read_dir(&arguments.folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<_>>()?;
+    others.retain(|folder| folder.is_dir());
+    others.sort();
+    for folder in others {
+        for (record, map) in &read_records(&folder)? {
+            let mut powers = Vec::new();
+            print(record, map, &mut powers, &mut Vec::new())?;
+            seeds.push(SeedRow::new(map.seed, &powers));
+        }
     }
     if let Some(file) = arguments.json {
-        let tables = [("power_budgets", lines(&powers)?), ("error_budgets", lines(&errors)?)];
+        let tables = [
+            ("power_budgets", lines(&powers)?),
+            ("error_budgets", lines(&errors)?),
+            ("seeds", lines(&seeds)?),
+        ];
         write(&file, &records, &tables)?;
     }
     Ok(())

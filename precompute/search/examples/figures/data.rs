@@ -86,6 +86,20 @@ pub(crate) struct Policies {
     pub(crate) made: Made,
     pub(crate) power_budgets: Vec<PowerRow>,
     pub(crate) error_budgets: Vec<ErrorRow>,
+    pub(crate) seeds: Vec<SeedRow>,
+}
+
+/// A path by the map of one seed: frugal's error ÷ a policy's.
+#[derive(Deserialize)]
+pub(crate) struct SeedRow {
+    pub(crate) scene: String,
+    pub(crate) path: String,
+    pub(crate) seed: u64,
+    pub(crate) trained: f64,
+    pub(crate) turns: f64,
+    pub(crate) shared: f64,
+    /// Share of the way from the best constant to the oracle.
+    pub(crate) way: f64,
 }
 
 /// A path under a power budget.

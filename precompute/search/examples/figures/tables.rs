@@ -1,6 +1,6 @@
 //! The tables of the documents, one function each.
 
-use crate::data::{AccuracyRow, Data};
+use crate::data::{AccuracyRow, Data, SeedRow};
 use crate::summary::{BASELINES, Spread, baseline_ratios, paths, rows_of, used};
 
 /// The table called `name`, as Markdown.
@@ -8,6 +8,7 @@ pub(crate) fn table(data: &Data, name: &str) -> Option<String> {
     Some(match name {
         "summary" => summary(data),
         "equal-power" => equal_power(data),
+        "seeds" => seeds(data),
         "error-budgets" => error_budgets(data),
         "meters" => meters(data),
         "accuracy" => accuracy(data),
@@ -162,6 +163,25 @@ fn equal_power(data: &Data) -> String {
         ],
         rows,
     )
+}
+
+/// Of each path, all seeds.
+fn seeds(data: &Data) -> String {
+    let rows = paths(data).into_iter().map(|(scene, path)| {
+        let mut here: Vec<&SeedRow> = data.policies.seeds.iter().collect();
+        here.retain(|row| row.scene == scene && row.path == path);
+        here.sort_by_key(|row| row.seed);
+        let all = |of: fn(&SeedRow) -> f64, places: usize| {
+            let values = here.iter().map(|row| format!("{:.places$}", of(row)));
+            values.collect::<Vec<_>>().join(", ")
+        };
+        let way = all(|row| 100.0 * row.way, 0) + " %";
+        let of: [fn(&SeedRow) -> f64; 3] =
+            [|row| row.trained, |row| row.turns, |row| row.shared];
+        let [trained, turns, shared] = of.map(|of| all(of, 2));
+        vec![format!("{scene}, {path}"), trained, turns, shared, way]
+    });
+    markdown(&["path", "trained", "in turns", "one frontier", "of the way to the oracle"], rows)
 }
 
 fn error_budgets(data: &Data) -> String {
