@@ -71,9 +71,7 @@ impl SeedRow {
             values.sort_by(f64::total_cmp);
             rounded(values[values.len() / 2], 3)
         };
-        let ratio = |of: fn(&PowerRow) -> &Played| {
-            median(&|row| row.frugal.error / of(row).error)
-        };
+        let ratio = |of: fn(&PowerRow) -> &Played| median(&|row| row.frugal.error / of(row).error);
         Self {
             scene: rows[0].scene.clone(),
             path: rows[0].path.clone(),

@@ -54,15 +54,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let fps = arguments.capture.image.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
     let bounds = camera_space(&scene, &tracks);
-    let cameras = CameraSet::sample(
-        &scene.rays,
-        &bounds,
-        &tracks,
-        [CAMERAS, 0, 0],
-        stage.lens,
-        arguments.seed,
-    )
-    .training;
+    let cameras =
+        CameraSet::sample(&scene.rays, &bounds, &tracks, [CAMERAS, 0], stage.lens, arguments.seed)
+            .training;
     if cameras.is_empty() {
         return Err(CliError::usage(format!(
             "{}: no camera in free space sees the scene: check its bounds",

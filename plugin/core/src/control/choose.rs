@@ -2,9 +2,8 @@
 //! or at the exchange rate that a budget allows, and its dwell: how long a target stays before another
 //! takes its place.
 //!
-//! A change of settings is visible, a brief gain is not. So a target stays for a least time, and
-//! then until another is worth the change, unless the budget cannot bear it. The first change after
-//! a rest does not wait.
+//! A change of settings is visible, a brief gain is not. So a target stays for a least time, unless
+//! the budget cannot bear it. The first change after a rest does not wait.
 
 use glam::Vec3;
 
@@ -183,9 +182,6 @@ fn binding(
     }
 }
 
-/// Least gain in power + λ × error of a change that spends less, as a share of the new power.
-/// Higher values switch less often and follow views less closely.
-const LEAST_GAIN: f64 = 0.02;
 /// Distance, metres, and cosine of the angle from which a view has moved.
 const MOVED: (f32, f32) = (0.2, 0.996);
 /// Exchange rate that stands for an infinite one, where powers decide between equal errors.
@@ -227,14 +223,8 @@ impl Dwell {
             let rate = wanted.watts_per_error.min(LARGE_RATE);
             let sum = |cost: CostPoint| cost.power.0 + rate * cost.error;
             let gain = sum(cost) - sum(wanted.cost);
-            // What is left of the budget is spent where it can be borne.
-            let spends = match wanted.most.error.is_finite() {
-                true => wanted.cost.power < cost.power,
-                false => wanted.cost.power > cost.power,
-            };
-            let least = if spends { 0.0 } else { LEAST_GAIN * wanted.cost.power.0.abs() };
             // Not `>=`, so that NaN does not wait for ever.
-            is_borne && (self.seconds < dwell_seconds || gain < least)
+            is_borne && (self.seconds < dwell_seconds || gain < 0.0)
         };
         let target = match self.target {
             Some((held, known)) if held != wanted.settings => {

@@ -4,8 +4,7 @@
 //! with the least power + λ × error (Everett 1963). The rate is the greatest that keeps the budget
 //! in every window of the horizon's length, by what the coming horizon is expected to cost:
 //! model-predictive control (Rawlings, Mayne and Diehl 2017, "Model predictive control", chapter 1)
-//! of one number. The expectation is the present view's own frontier, which gives way within
-//! seconds to the mean of the views so far.
+//! of one number. The expectation is the mean of the views so far.
 //!
 //! Under an error budget the roles swap: the least rate at which the expected error keeps it.
 
@@ -23,11 +22,6 @@ const PARTS: usize = 60;
 /// What windows may exceed a power budget by, as a share. Without it, views that come round in
 /// another rhythm than the horizon leave power unused.
 const TOLERANCE: f64 = 0.014;
-/// The same where the cheapest settings would not do with less.
-const LAST_TOLERANCE: f64 = 0.0195;
-/// Time constant with which the present view gives way to the mean of views, seconds. Higher values spend
-/// more cautiously in dear views.
-const VIEW_SECONDS: f64 = 2.0;
 /// Rate that is expected after the present settings, as a share of the present rate: the mean at
 /// half the rate is nearly always affordable.
 const LATER: f64 = 0.5;
@@ -165,20 +159,10 @@ impl Account {
         most.fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a quantity of one number now that becomes another keeps every window. Made once for all
-    /// rates that are tried.
-    fn keeps(&self, tolerance: f64) -> impl Fn(f64, f64) -> bool {
-        let (mut windows, mut count) = ([[0.0; 3]; PARTS], 0);
-        for (seconds, room) in self.windows(tolerance) {
-            let share = -(-seconds / VIEW_SECONDS).exp_m1() * VIEW_SECONDS;
-            (windows[count], count) = ([seconds, room, share], count + 1);
-        }
-        let limit = self.limit;
-        move |view, mean| {
-            windows[..count].iter().all(|[seconds, room, share]| {
-                mean * seconds + (view - mean) * share - limit * seconds <= *room
-            })
-        }
+    /// The greatest mean from now on that keeps every window.
+    fn greatest_mean(&self, tolerance: f64) -> f64 {
+        let means = self.windows(tolerance).map(|(seconds, room)| self.limit + room / seconds);
+        means.fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -268,25 +252,15 @@ impl RateTracker {
         self.see(view, seconds, horizon);
         let last = (RATES - 1) as f64;
         let mean = &self.mean;
-        let mut tolerance = TOLERANCE;
         let by_power = finite(power).map(|_| {
-            let greatest_within = |tolerance: f64| {
-                let keeps = self.power.keeps(tolerance);
-                greatest(|place| keeps(view.at(place).power.0, mean.at(place).power.0))
-            };
-            greatest_within(TOLERANCE).or_else(|| {
-                tolerance = LAST_TOLERANCE;
-                greatest_within(LAST_TOLERANCE)
-            })
+            let most = self.power.greatest_mean(TOLERANCE);
+            greatest(|place| mean.at(place).power.0 <= most)
         });
         let by_error = finite(error).map(|_| {
-            let keeps = self.error.keeps(0.0);
+            let most = self.error.greatest_mean(0.0);
             // The least rate: from the far end of the grid.
-            greatest(|from_end| {
-                let place = last - from_end;
-                keeps(view.at(place).error, mean.at(place).error)
-            })
-            .map_or(last, |from_end| last - from_end)
+            greatest(|from_end| mean.at(last - from_end).error <= most)
+                .map_or(last, |from_end| last - from_end)
         });
         // Neither: the best settings; an infinite error limit: the cheapest.
         let is_by_error = match (by_power, by_error) {
@@ -312,7 +286,7 @@ impl RateTracker {
             mean.at((place.unwrap_or(0.0) + PER_DECADE * share.log10()).clamp(0.0, last))
         };
         let most_power = finite(power).map_or(f64::INFINITY, |limit| {
-            self.power.most(hold, later(LATER).power.0.min(limit), tolerance)
+            self.power.most(hold, later(LATER).power.0.min(limit), TOLERANCE)
         });
         let most_error = finite(error).map_or(f64::INFINITY, |limit| {
             self.error.most(hold, later(LATER.recip()).error.min(limit), 0.0)
@@ -324,7 +298,7 @@ impl RateTracker {
     /// Averages what views cost over a horizon.
     fn see(&mut self, view: &Curve, seconds: f64, horizon: f64) {
         let seconds = if seconds > 0.0 { seconds.min(MAX_FRAME) } else { 0.0 };
-        self.seen = (self.seen + seconds).min(horizon.max(VIEW_SECONDS));
+        self.seen = (self.seen + seconds).min(horizon.max(MIN_HORIZON));
         self.mean.approach(view, if self.seen > 0.0 { seconds / self.seen } else { 1.0 });
     }
 }

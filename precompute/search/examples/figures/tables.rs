@@ -176,8 +176,7 @@ fn seeds(data: &Data) -> String {
             values.collect::<Vec<_>>().join(", ")
         };
         let way = all(|row| 100.0 * row.way, 0) + " %";
-        let of: [fn(&SeedRow) -> f64; 3] =
-            [|row| row.trained, |row| row.turns, |row| row.shared];
+        let of: [fn(&SeedRow) -> f64; 3] = [|row| row.trained, |row| row.turns, |row| row.shared];
         let [trained, turns, shared] = of.map(|of| all(of, 2));
         vec![format!("{scene}, {path}"), trained, turns, shared, way]
     });

@@ -45,6 +45,11 @@ impl TrackSample {
         let [velocity, turn] = if is_cut { [Vec3::ZERO; 2] } else { [velocity, turn] };
         Self { pose: to, velocity, turn }
     }
+
+    /// Whether the camera did not move here `from` another place, but was cut.
+    pub fn is_cut(&self, from: CameraPose) -> bool {
+        self.pose != from && self.velocity == Vec3::ZERO && self.turn == Vec3::ZERO
+    }
 }
 
 /// What a camera at `pose` shows through a lens: vertical field of view in radians, and width ÷ height.
