@@ -32,7 +32,7 @@
 //! |---|---|---|
 //! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades | open scenes, doors ajar: it finds that it does not pay, in up to a sixth of a small image's time |
 //! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
-//! | `media` | fog in the reference image | fog in `time`: paths in fog carry no lengths |
+//! | `media` | fog in the reference image, and in `time` | light that mirrors throw into fog |
 //! | `fog_cache` | fog that panels nearby light once, the more pixels the better | small views of large rooms, small lights, scattered or reflected light, anisotropic fog |
 //! | `fog_beams` | light that mirrors throw into fog, all light in fog | lights that fog scatters once, where it only equals paths |
 //! | `time` | transient images; multipath errors of a time-of-flight camera | still images: the same picture for more memory |

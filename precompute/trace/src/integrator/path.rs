@@ -55,12 +55,12 @@ impl Estimate {
 pub(crate) struct Arrival {
     /// Linear RGB, nits, already divided by the density of the path.
     pub(crate) light: DVec3,
-    /// Surfaces that scattered it.
+    /// Surfaces that scattered it; each time that fog did counts as one.
     pub(crate) surfaces: u32,
     /// Metres from the light to where the camera's ray begins; for the sky and parallel light,
     /// from the surface that they light.
     pub(crate) length: f64,
-    /// The share of `length` between the surface that the camera sees and the ray's beginning.
+    /// The share of `length` between the ray's beginning and where it was scattered or sent last.
     pub(crate) last: f64,
     /// How often unguided paths bring this light ÷ how often these do, in (0, 1].
     pub(crate) odds: f64,
@@ -81,7 +81,7 @@ pub(crate) trait Record {
 impl Record for () {}
 
 /// Traces a path and its branches from `origin`, metres, in `direction`, a unit vector. `field`
-/// guides it, and `record` is told of all light that arrives; in fog it is told nothing.
+/// guides it, and `record` is told of all light that arrives.
 pub(super) fn trace(
     scene: &ReferenceScene,
     settings: &Settings,
@@ -93,7 +93,7 @@ pub(super) fn trace(
 ) -> Estimate {
     #[cfg(feature = "media")]
     if let Some(fog) = &scene.fog {
-        return super::media::trace(scene, fog, settings, origin, direction, sampler);
+        return super::media::trace(scene, fog, settings, (origin, direction), sampler, record);
     }
     let mut tracer =
         Tracer { scene, settings, field, sampler, record, estimate: Estimate::default() };

@@ -72,15 +72,6 @@ impl ReferenceScene {
         self.fog.as_ref()
     }
 
-    /// Whether there is fog.
-    #[cfg(feature = "time")]
-    pub(crate) fn has_fog(&self) -> bool {
-        #[cfg(feature = "media")]
-        return self.fog.is_some();
-        #[cfg(not(feature = "media"))]
-        false
-    }
-
     /// Number of triangles that rays can hit.
     pub fn triangle_count(&self) -> usize {
         self.rays.triangle_count()

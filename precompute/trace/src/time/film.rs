@@ -19,8 +19,8 @@ pub struct Window {
     pub end: f64,
     /// Number of frames, from 1 to 65 536.
     pub frames: u32,
-    /// Whether the way from the first visible surface to the camera takes no time: light then
-    /// sweeps over surfaces as it does in the world.
+    /// Whether the way to the camera from where light was scattered last takes no time: light then
+    /// sweeps over surfaces and through fog as it does in the world.
     pub at_surfaces: bool,
 }
 
@@ -43,9 +43,6 @@ pub enum TimeError {
     /// A bandwidth or frequency is not finite or not above 0.
     #[error("a bandwidth or frequency must be finite and above 0")]
     NotPositive,
-    /// Paths through fog carry no lengths.
-    #[error("the scene has fog, in which the tracer follows no times")]
-    Fog,
     /// The caller interrupted it.
     #[error("interrupted")]
     Interrupted,
@@ -180,7 +177,7 @@ impl Film {
 /// Memory: 12 bytes for each frame of each pixel, and 24 more while it runs.
 ///
 /// # Errors
-/// When the window or the bandwidth is out of range, the scene has fog, or `watch` interrupts.
+/// When the window or the bandwidth is out of range, or `watch` interrupts.
 pub fn frames(
     scene: &ReferenceScene,
     view: &View,
@@ -247,9 +244,6 @@ pub(super) fn recorded<R: Record + Send>(
     watch: Watch,
     record: &(dyn Fn() -> R + Sync),
 ) -> Result<(Rendering, Vec<R>), TimeError> {
-    if scene.has_fog() {
-        return Err(TimeError::Fog);
-    }
     render_recorded(scene, view, settings, watch, record).ok_or(TimeError::Interrupted)
 }
 

@@ -46,9 +46,9 @@ pub fn range(frequency: f64) -> f64 {
 pub struct Capture {
     /// Hertz.
     pub frequency: f64,
-    /// Phasors of all light that surfaces scattered, nits.
+    /// Phasors of all light that surfaces or fog scattered, nits.
     pub all: Vec<DVec2>,
-    /// Of light that one surface scattered.
+    /// Of light that was scattered once.
     pub direct: Vec<DVec2>,
     /// True distance from the eye along the ray through the pixel's middle, metres.
     pub distances: Vec<Option<f64>>,
@@ -96,7 +96,7 @@ impl Record for Correlation {
 /// scene are modulated; a light at the eye makes it a camera of this kind.
 ///
 /// # Errors
-/// When the frequency is not above 0, the scene has fog, or `watch` interrupts.
+/// When the frequency is not above 0, or `watch` interrupts.
 pub fn capture(
     scene: &ReferenceScene,
     view: &View,

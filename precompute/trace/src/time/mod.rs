@@ -30,3 +30,5 @@ pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
 #[cfg(test)]
 mod tests;
+#[cfg(all(test, feature = "media"))]
+mod fog_tests;

@@ -331,20 +331,3 @@ fn odd_windows_are_refused() {
     }
     assert_eq!(with(window, Spread::Kernel(0.0)), Some(TimeError::NotPositive));
 }
-
-#[cfg(feature = "media")]
-#[test]
-fn fog_is_refused_instead_of_being_left_dark() {
-    let fog = crate::media::Fog {
-        absorption: [0.1; 3],
-        scattering: [0.1; 3],
-        asymmetry: 0.0,
-        bounds: crate::scene::Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
-    };
-    let scene = room(1.0, true).with_fog(fog).unwrap();
-    let timed =
-        frames(&scene, &view(1.0), &settings(), window(9.0, 4), Spread::Bins, Watch::default());
-    assert_eq!(timed.err(), Some(TimeError::Fog));
-    let captured = capture(&scene, &view(1.0), &settings(), 20e6, Watch::default());
-    assert_eq!(captured.err(), Some(TimeError::Fog));
-}

@@ -10,7 +10,7 @@ mod vertex;
 
 use glam::{DVec3, Vec3};
 
-use super::path::{CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL, per_steradian};
+use super::path::{Arrival, CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL, Record, per_steradian};
 use super::{ReferenceScene, Settings};
 use crate::bsdf::{Bsdf, Surface};
 use crate::media::Fog;
@@ -21,16 +21,23 @@ use vertex::{Vertex, along};
 type Last = Option<(Vertex, f64)>;
 
 /// Traces a path from `origin`, metres, in `direction`, a unit vector. Fog scatters as a surface
-/// does: an event of `Estimate` and of `settings.bounces` is either.
+/// does: an event of `Estimate`, of `Arrival` and of `settings.bounces` is either.
 pub(super) fn trace(
     scene: &ReferenceScene,
     fog: &Fog,
     settings: &Settings,
-    mut origin: Vec3,
-    mut direction: DVec3,
+    (mut origin, mut direction): (Vec3, DVec3),
     sampler: &mut Sampler,
+    record: &mut impl Record,
 ) -> Estimate {
     let mut estimate = Estimate::default();
+    // Metres from the camera ray's start: to this ray's start, and to the first event.
+    let (mut length, mut first) = (0.0, 0.0);
+    let mut arrived = |light: DVec3, surfaces: u32, length: f64, last: f64| {
+        if light != DVec3::ZERO {
+            record.arrived(Arrival { light, surfaces, length, last, odds: 1.0 });
+        }
+    };
     let mut throughput = DVec3::ONE;
     let mut last: Last = None;
     for events in 0.. {
@@ -41,7 +48,10 @@ pub(super) fn trace(
         let mut scattered_at = None;
         if let Some(line) = line {
             if may_scatter {
-                let reached = along(scene, fog, settings, line, sampler);
+                let reached = along(scene, fog, settings, line, sampler, |light, [own, rest]| {
+                    let last = if events == 0 { own } else { first };
+                    arrived(throughput * light, events + 1, length + own + rest, last);
+                });
                 estimate.add(events + 1, throughput * reached.punctual);
                 estimate.add_extended(events + 1, throughput * reached.extended);
                 scattered_at = line.sample([sampler.number(), sampler.number()]);
@@ -56,6 +66,12 @@ pub(super) fn trace(
                 throughput *= line.transmittance(line.far);
             }
         }
+        if let Some(distance) = scattered_at.or(hit.map(|hit| f64::from(hit.distance))) {
+            length += distance;
+        }
+        if events == 0 {
+            first = length;
+        }
         let vertex = if let (Some(distance), Some(line)) = (scattered_at, line) {
             Vertex::fog(fog, line, distance)
         } else if let Some(hit) = hit {
@@ -68,7 +84,9 @@ pub(super) fn trace(
                     let techniques = 1.0 + vertex.angular(Some(surface.position));
                     settings.strategy.weight(false, *own, other * techniques)
                 });
-                estimate.add_extended(events, throughput * surface.emission * weight);
+                let light = throughput * surface.emission * weight;
+                estimate.add_extended(events, light);
+                arrived(light, events, length, first);
             }
             let bsdf = Bsdf::new(&surface, -direction, settings.shading);
             Vertex::surface(&surface, bsdf)
@@ -76,13 +94,17 @@ pub(super) fn trace(
             let weight = last.as_ref().map_or(1.0, |(_, own)| {
                 settings.strategy.weight(false, *own, scene.sky.density(direction))
             });
-            estimate.add_extended(events, throughput * scene.sky.radiance(direction) * weight);
+            let light = throughput * scene.sky.radiance(direction) * weight;
+            estimate.add_extended(events, light);
+            arrived(light, events, length, first);
             break;
         };
         if !may_scatter {
             break;
         }
-        let reached = vertex.reached(scene, fog, settings, sampler);
+        let reached = vertex.reached(scene, fog, settings, sampler, |light, rest| {
+            arrived(throughput * light, events + 1, length + rest, first);
+        });
         estimate.add(events + 1, throughput * reached.punctual);
         estimate.add_extended(events + 1, throughput * reached.extended);
         // Beyond the last event a path can only hit a light.

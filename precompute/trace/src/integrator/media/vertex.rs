@@ -38,6 +38,11 @@ pub(super) struct Reached {
     pub(super) extended: DVec3,
 }
 
+/// Metres that light takes from its light to a vertex; parallel light has no place to come from.
+fn way(distance: f64) -> f64 {
+    if distance.is_finite() { distance } else { 0.0 }
+}
+
 impl Vertex {
     /// A point on `surface`.
     pub(super) fn surface(surface: &Surface, bsdf: Bsdf) -> Self {
@@ -102,20 +107,24 @@ impl Vertex {
     }
 
     /// Light that reaches this point from all punctual lights, and from one point of an emissive
-    /// triangle and one of the sky.
+    /// triangle and one of the sky. `arrived` gets each one's light, and metres to the light.
     pub(super) fn reached(
         &self,
         scene: &ReferenceScene,
         fog: &Fog,
         settings: &Settings,
         sampler: &mut Sampler,
+        mut arrived: impl FnMut(DVec3, f64),
     ) -> Reached {
         let mut reached = Reached::default();
         for light in &scene.lights {
             let point = place(light);
             // Along a line every light has its own distance.
             let weight = 1.0 / (1.0 + self.angular(point));
-            reached.punctual += self.punctual(scene, fog, light) * weight;
+            let (light, distance) = self.punctual(scene, fog, light);
+            let light = light * weight;
+            reached.punctual += light;
+            arrived(light, way(distance));
         }
         if settings.strategy == Strategy::Scattering {
             return reached;
@@ -126,19 +135,22 @@ impl Vertex {
             let angular = sampled.point.map_or(0.0, |point| self.angular(Some(point)));
             let (light, other) = self.extended(scene, fog, &sampled);
             let others = angular + scattering_share(settings, other / sampled.density);
-            let weight = 1.0 / (1.0 + others);
-            reached.extended += light * weight;
+            let light = light * (1.0 / (1.0 + others));
+            reached.extended += light;
+            arrived(light, way(sampled.distance));
         }
         reached
     }
 
-    fn punctual(&self, scene: &ReferenceScene, fog: &Fog, light: &PunctualLight) -> DVec3 {
-        let Some(incident) = light.incident(self.position) else { return DVec3::ZERO };
+    /// Scattered light of a light, and its distance, metres.
+    fn punctual(&self, scene: &ReferenceScene, fog: &Fog, light: &PunctualLight) -> (DVec3, f64) {
+        let Some(incident) = light.incident(self.position) else { return (DVec3::ZERO, 0.0) };
         let reflected = self.evaluate(incident.direction).0 * incident.illuminance;
         if reflected.max_element() > 0.0 && scene.is_lit(self.origin, &incident) {
-            reflected * fog.transmittance(self.position, incident.direction, incident.distance)
+            let through = fog.transmittance(self.position, incident.direction, incident.distance);
+            (reflected * through, incident.distance)
         } else {
-            DVec3::ZERO
+            (DVec3::ZERO, 0.0)
         }
     }
 
@@ -155,13 +167,15 @@ impl Vertex {
 }
 
 /// Light that fog scatters once towards the start of `line`: with distances of each light's own,
-/// and weights for [`Vertex::reached`] at a distance by transmittance.
+/// and weights for [`Vertex::reached`] at a distance by transmittance. `arrived` gets each one's
+/// light, and metres from the line's start to where it is scattered and from there to the light.
 pub(super) fn along(
     scene: &ReferenceScene,
     fog: &Fog,
     settings: &Settings,
     line: Line,
     sampler: &mut Sampler,
+    mut arrived: impl FnMut(DVec3, [f64; 2]),
 ) -> Reached {
     let mut reached = Reached::default();
     if !line.scatters {
@@ -172,23 +186,28 @@ pub(super) fn along(
         let distance = distances.sample(sampler.number()).clamp(line.near, line.far);
         let own = distances.density(distance);
         let scattered = line.transmittance(distance) * fog.scattering() / own;
-        (Vertex::fog(fog, line, distance), own, line.density(distance), scattered)
+        (Vertex::fog(fog, line, distance), distance, own, line.density(distance), scattered)
     };
     for light in &scene.lights {
-        let (vertex, own, by_distance, scattered) = at(place(light), sampler);
+        let (vertex, distance, own, by_distance, scattered) = at(place(light), sampler);
         let weight = own / (own + by_distance);
-        reached.punctual += scattered * vertex.punctual(scene, fog, light) * weight;
+        let (light, rest) = vertex.punctual(scene, fog, light);
+        let light = scattered * light * weight;
+        reached.punctual += light;
+        arrived(light, [distance, way(rest)]);
     }
     if settings.strategy == Strategy::Scattering || scene.emitters.is_empty() {
         return reached;
     }
     let (choice, pair) = (sampler.number(), sampler.pair());
     if let Some(point) = scene.emitters.sample(choice, pair) {
-        let (vertex, own, by_distance, scattered) = at(Some(point.position), sampler);
+        let (vertex, distance, own, by_distance, scattered) = at(Some(point.position), sampler);
         if let Some(sampled) = shining(scene, &point, vertex.position) {
             let (light, other) = vertex.extended(scene, fog, &sampled);
             let others = by_distance * (1.0 + scattering_share(settings, other / sampled.density));
-            reached.extended += scattered * light * (own / (own + others));
+            let light = scattered * light * (own / (own + others));
+            reached.extended += light;
+            arrived(light, [distance, sampled.distance]);
         }
     }
     reached

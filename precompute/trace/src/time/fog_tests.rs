@@ -1,0 +1,137 @@
+//! Fog in time: paths against a closed form and against the steady image.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, UVec2, Vec3};
+
+use super::*;
+use crate::integrator::{Pixels, ReferenceScene, Settings, View, Watch, render};
+use crate::light::{Light, Sky};
+use crate::media::{Fog, density};
+use crate::scene::testing::MeshBuilder;
+use crate::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial};
+
+const LAMP: Vec3 = Vec3::new(0.2, 0.3, -0.1);
+
+/// A lamp in 2 m of fog above a floor, which reflects this share and emits so many nits.
+fn scene(albedo: f32, nits: f32) -> ReferenceScene {
+    let corner = |x: f32, z: f32| Vec3::new(x, -0.9, z);
+    let mut floor = MeshBuilder::new();
+    floor.quad([corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)]);
+    let material = SceneMaterial {
+        base_color: [albedo, albedo, albedo, 1.0],
+        emissive: [nits; 3],
+        reflectance: 0.0,
+        ..SceneMaterial::default()
+    };
+    let geometry = SceneGeometry {
+        meshes: vec![floor.finish(0)],
+        materials: vec![material],
+        ..SceneGeometry::default()
+    };
+    let lamp = Light::Point { position: LAMP, luminous_power: 1000.0, range: 1e3, color: [1.0; 3] };
+    let rays = RayScene::from_geometry(&geometry);
+    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[lamp], Sky::Black).unwrap();
+    scene.with_fog(fog()).unwrap()
+}
+
+fn fog() -> Fog {
+    Fog {
+        absorption: [0.1; 3],
+        scattering: [0.4; 3],
+        asymmetry: 0.4,
+        bounds: Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
+    }
+}
+
+fn view(size: [u32; 2]) -> View {
+    View {
+        pose: CameraPose::looking_at(Vec3::Z * 3.0, Vec3::ZERO),
+        vertical_fov_degrees: 40.0,
+        near: 0.01,
+        size: UVec2::from(size),
+    }
+}
+
+fn settings(samples: u32, seed: u64, bounces: Option<u32>) -> Settings {
+    Settings { samples, seed, bounces, pixels: Pixels::Middle, ..Settings::default() }
+}
+
+/// Ways of light that fog scatters once, metres.
+fn window(frames: u32) -> Window {
+    let [start, end] = [3.0, 6.5].map(|metres| metres / SPEED_OF_LIGHT);
+    Window { start, end, frames, at_surfaces: false }
+}
+
+/// Light of the middle ray that fog scatters once, with its way from `from` to `to` metres, nits.
+fn exact(from: f64, to: f64) -> f64 {
+    let (eye, lamp) = (DVec3::Z * 3.0, LAMP.as_dvec3());
+    let steps = 400_000;
+    let part = |step: u32| {
+        let distance = 2.0 + 2.0 * (f64::from(step) + 0.5) / f64::from(steps);
+        let ray = lamp - (eye - DVec3::Z * distance);
+        let way = distance + ray.length();
+        if !(from..to).contains(&way) {
+            return 0.0;
+        }
+        let phase = density(fog().asymmetry(), -ray.normalize().z);
+        0.4 * phase * 1000.0 / (4.0 * PI) / ray.length_squared() * (-0.5 * (way - 2.0)).exp()
+    };
+    (0..steps).map(part).sum::<f64>() * 2.0 / f64::from(steps)
+}
+
+/// That of each frame, nits per second.
+fn exact_frames(window: Window) -> Vec<f64> {
+    let step = window.duration() * SPEED_OF_LIGHT;
+    let edge = |frame: u32| window.start * SPEED_OF_LIGHT + f64::from(frame) * step;
+    let frame = |frame: u32| exact(edge(frame), edge(frame + 1)) / window.duration();
+    (0..window.frames).map(frame).collect()
+}
+
+/// Mean and its standard error.
+fn statistics(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let values: Vec<f64> = values.collect();
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    (mean, (variance / (count - 1.0) / count).sqrt())
+}
+
+/// Checks the images of many seeds against the closed form; in each frame within `bias` of it.
+fn assert_exact(images: &[Frames], greatest_error: f64, bias: f64) {
+    let window = images[0].window;
+    for (frame, exact) in exact_frames(window).into_iter().enumerate() {
+        let values = images.iter().map(|image| f64::from(image.values[frame][0]));
+        let (mean, error) = statistics(values);
+        let tolerance = 3.5 * error + (1e-6 + bias) * exact;
+        assert!((mean - exact).abs() <= tolerance, "{frame}: {mean} ± {error}, {exact}");
+        assert!(error <= greatest_error * exact, "{frame}: {error} of {exact}");
+    }
+}
+
+#[test]
+fn light_of_paths_that_fog_scatters_once_is_on_time() {
+    let scene = scene(0.0, 0.0);
+    let image = |seed| {
+        let (view, settings) = (view([1, 1]), settings(2048, seed, Some(0)));
+        frames(&scene, &view, &settings, window(12), Spread::Bins, Watch::default()).unwrap().1
+    };
+    let images: Vec<_> = (0..24).map(image).collect();
+    assert_exact(&images, 0.05, 0.0);
+}
+
+#[test]
+fn frames_of_paths_in_fog_add_up_to_the_steady_image() {
+    let (scene, view, settings) = (scene(0.7, 5.0), view([8, 6]), settings(32, 1, Some(3)));
+    let steady = render(&scene, &view, &settings, Watch::default()).unwrap();
+    for at_surfaces in [false, true] {
+        let window = Window { at_surfaces, ..window(20) };
+        let (same, timed) =
+            frames(&scene, &view, &settings, window, Spread::Bins, Watch::default()).unwrap();
+        assert_eq!(same, steady);
+        for (a, b) in timed.integral().iter().flatten().zip(steady.full().rgb.iter().flatten()) {
+            assert!((a - b).abs() <= 3e-6 * b.max(1e-6), "{a} {b}");
+        }
+        assert!(timed.outside.iter().flatten().any(|value| *value > 0.0), "late light");
+    }
+}
