@@ -26,7 +26,7 @@
 //! # Methods
 //!
 //! All but the guide are features, off by default. Examples measure them: `guiding`, `caustics`,
-//! `fog` and `beams` (`media`), `transient` (`time`), `coded` and `dual` (`inverse`).
+//! `fog` (`media`), `beams` (`media`, `time`), `transient` (`time`), `coded` and `dual` (`inverse`).
 //!
 //! | method | use it for | do not use it for |
 //! |---|---|---|
@@ -34,7 +34,7 @@
 //! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
 //! | `media` | fog in the reference image, and in `time` | light that mirrors throw into fog |
 //! | `fog_cache` | fog that panels nearby light once, the more pixels the better | small views of large rooms, small lights, scattered or reflected light, anisotropic fog |
-//! | `fog_beams` | light that mirrors throw into fog, all light in fog | lights that fog scatters once, where it only equals paths |
+//! | `fog_beams`, `time::beams` | light that mirrors throw into fog, all light in fog; the same by its time of arrival | lights that fog scatters once, where it only equals paths |
 //! | `time` | transient images; multipath errors of a time-of-flight camera | still images: the same picture for more memory |
 //! | `coded` | stripes that blinking lights draw in a rolling shutter, and codes in them | cameras with a global shutter |
 //! | `inverse` | tests of light transport: dual images, sources from the light they leave | pictures |

@@ -1,14 +1,17 @@
 //! Light in fog from beams: photons' straight ways through it.
 //!
-//! Jarosz et al. 2011, "Progressive Photon Beams", also chapter 6 of Marco's thesis, without time: a
+//! Jarosz et al. 2011, "Progressive Photon Beams", also chapter 6 of Marco's thesis: a
 //! camera's ray sees every beam that passes within a radius, which shrinks from pass to pass. Beams
-//! find light that mirrors throw into fog, which paths from the camera find by luck.
+//! find light that mirrors throw into fog, which paths from the camera find by luck. A `Record`
+//! is told how far the light of each went.
+
+use std::sync::{Mutex, PoisonError};
 
 use glam::{DVec3, UVec2};
 
 use crate::bsdf::{Bsdf, Surface};
 use crate::color::luminance;
-use crate::integrator::path::GREATEST_SURVIVAL;
+use crate::integrator::path::{Arrival, GREATEST_SURVIVAL, Record};
 use crate::integrator::photons::{Flight, emitted};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::media::{Fog, Line, density, sample};
@@ -47,8 +50,9 @@ impl Beam {
     }
 
     /// Light that it sends towards the start of `ray`, nits: equation 6.15 of Marco's thesis, with
-    /// Epanechnikov's kernel. 0 for a ray parallel to it, which others meet with no chance.
-    fn seen(&self, fog: &Fog, ray: &Line, radius: f64) -> DVec3 {
+    /// Epanechnikov's kernel; and metres along the beam and along the ray to where they meet. `None`
+    /// for a ray parallel to it, which others meet with no chance.
+    fn seen(&self, fog: &Fog, ray: &Line, radius: f64) -> Option<(DVec3, [f64; 2])> {
         let cross = ray.direction.cross(self.line.direction);
         let sine = cross.length();
         let between = self.line.origin - ray.origin;
@@ -56,19 +60,20 @@ impl Beam {
         // False for NaN, too.
         let is_near = apart < radius;
         if !is_near {
-            return DVec3::ZERO;
+            return None;
         }
         let cosine = ray.direction.dot(self.line.direction);
         let (a, b) = (between.dot(ray.direction), between.dot(self.line.direction));
         let (eye, light) = ((a - cosine * b) / (sine * sine), (cosine * a - b) / (sine * sine));
         let is_on = |line: &Line, at: f64| at > line.near && at < line.far;
         if !is_on(ray, eye) || !is_on(&self.line, light) {
-            return DVec3::ZERO;
+            return None;
         }
         let kernel = 0.75 * (1.0 - (apart / radius).powi(2)) / radius;
         let through = ray.transmittance(eye) * self.line.transmittance(light);
         let arriving = self.flight.arriving(self.line.at(light));
-        arriving * fog.scattering() * through * (kernel * density(fog.asymmetry(), -cosine) / sine)
+        let share = kernel * density(fog.asymmetry(), -cosine) / sine;
+        Some((arriving * fog.scattering() * through * share, [light, eye]))
     }
 }
 
@@ -87,10 +92,36 @@ pub fn render(
     radius: f64,
     watch: Watch,
 ) -> Option<Radiance> {
-    let fog = scene.fog().filter(|_| radius > 0.0 && radius.is_finite())?;
+    let mut widths = radii(radius);
+    let radii = || widths.next().unwrap_or_default();
+    recorded(scene, view, settings, photons, radii, watch, &|| ()).map(|(image, _)| image)
+}
+
+/// Radii of the passes of an image without time.
+pub(crate) fn radii(first: f64) -> impl Iterator<Item = f64> {
+    (0..).scan(first, |radius, pass| {
+        let own = *radius;
+        *radius *= (f64::from(pass) + 1.0 + ALPHA) / (f64::from(pass) + 2.0);
+        Some(own)
+    })
+}
+
+/// The same image with passes of other radii, and a record of each pixel, row by row. It is told of
+/// each pass as of a path; the number of surfaces is not known.
+pub(crate) fn recorded<R: Record + Send>(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    photons: u32,
+    mut next_radius: impl FnMut() -> f64,
+    watch: Watch,
+    record: &dyn Fn() -> R,
+) -> Option<(Radiance, Vec<R>)> {
+    let fog = scene.fog()?;
     let UVec2 { x: width, y: height } = view.size;
-    let mut sums = vec![DVec3::ZERO; (width * height) as usize];
-    let mut radius = radius;
+    let count = width as usize * height as usize;
+    let mut sums = vec![DVec3::ZERO; count];
+    let records: Vec<_> = (0..count).map(|_| Mutex::new(record())).collect();
     let eye = view.pose.position.as_dvec3();
     let follow = |flight, sampler: &mut Sampler, found: &mut Vec<Beam>| {
         walk(flight, scene, fog, settings, sampler, |flight, line| {
@@ -98,35 +129,44 @@ pub fn render(
         });
     };
     for pass in 0..settings.samples {
+        let radius = next_radius();
+        if !(radius > 0.0 && radius.is_finite()) {
+            return None;
+        }
         let (seed, numbers) = (settings.seed, [pass, photons]);
         let beams = emitted(scene, settings, seed, numbers, watch.interrupted, follow)?;
-        let image = Pass { scene, view, settings, fog, beams: &beams, pass, radius };
+        let share = 1.0 / f64::from(photons.max(1));
+        let (beams, records) = (&beams, &records);
+        let image = Pass { scene, view, settings, fog, beams, records, share, pass, radius };
         for (pixel, light) in
             image.tile([0, 0], [width, height], &(0..beams.len()).collect::<Vec<_>>())
         {
-            if light.as_vec3().is_finite() {
-                sums[pixel] += light / f64::from(photons.max(1));
-            }
+            sums[pixel] += light;
         }
         (watch.row_done)();
-        radius *= (f64::from(pass) + 1.0 + ALPHA) / (f64::from(pass) + 2.0);
     }
     let mean = |sum: &DVec3| (*sum / f64::from(settings.samples.max(1))).as_vec3().to_array();
-    Some(Radiance { width, height, rgb: sums.iter().map(mean).collect() })
+    let rgb = sums.iter().map(mean).collect();
+    let inner = |record: Mutex<R>| record.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Some((Radiance { width, height, rgb }, records.into_iter().map(inner).collect()))
 }
 
 /// One pass over all pixels.
-struct Pass<'a> {
+struct Pass<'a, R> {
     scene: &'a ReferenceScene,
     view: &'a View,
     settings: &'a Settings,
     fog: &'a Fog,
     beams: &'a [Beam],
+    /// Of each pixel. Tiles share none, so that none waits.
+    records: &'a [Mutex<R>],
+    /// 1 ÷ number of photons.
+    share: f64,
     pass: u32,
     radius: f64,
 }
 
-impl Pass<'_> {
+impl<R: Record + Send> Pass<'_, R> {
     /// Light of the pixels from `least` to `most`, from some beams.
     fn tile(&self, least: [u32; 2], most: [u32; 2], beams: &[usize]) -> Vec<(usize, DVec3)> {
         let near = self.near(least, most, beams);
@@ -176,9 +216,21 @@ impl Pass<'_> {
         let hit = self.scene.closest(origin, direction);
         let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
         let line = self.fog.line(origin.as_dvec3(), direction, reach);
-        let light = line.map_or(DVec3::ZERO, |line| {
-            beams.iter().map(|beam| self.beams[*beam].seen(self.fog, &line, self.radius)).sum()
-        });
+        let mut record =
+            self.records[index as usize].lock().unwrap_or_else(PoisonError::into_inner);
+        record.begin(origin.as_dvec3().distance(self.view.pose.position.as_dvec3()));
+        let mut sum = DVec3::ZERO;
+        for beam in beams.iter().map(|beam| &self.beams[*beam]) {
+            let seen = line.and_then(|line| beam.seen(self.fog, &line, self.radius));
+            let Some((light, [way, last])) = seen else { continue };
+            let (light, flight) = (light * self.share, &beam.flight);
+            let length = flight.length + flight.pace * way + last;
+            sum += light;
+            record.arrived(Arrival { light, surfaces: 1, length, last, odds: 1.0 });
+        }
+        let is_finite = sum.as_vec3().is_finite();
+        record.end(is_finite);
+        let light = if is_finite { sum } else { DVec3::ZERO };
         (index as usize, light)
     }
 }
@@ -203,6 +255,7 @@ fn walk(
             return;
         }
         let distance = line.and_then(|line| line.sample([sampler.number(), sampler.number()]));
+        let way = distance.or(hit.map(|hit| f64::from(hit.distance))).unwrap_or_default();
         let (origin, direction, power) = if let (Some(line), Some(distance)) = (line, distance) {
             let point = line.at(distance);
             let share = line.transmittance(distance) / line.density(distance);
@@ -236,6 +289,7 @@ fn walk(
             return;
         }
         (flight.origin, flight.direction, flight.power) = (origin, direction, power / survival);
+        (flight.length, flight.pace) = (flight.length + flight.pace * way, 1.0);
         flight.inverse_range_squared = 0.0;
     }
 }

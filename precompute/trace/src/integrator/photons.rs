@@ -40,6 +40,10 @@ pub(crate) struct Flight {
     pub(crate) power: DVec3,
     /// 1/m²: the window of a punctual light's range; 0 for other lights.
     pub(crate) inverse_range_squared: f64,
+    /// Metres that it went before `origin`.
+    pub(crate) length: f64,
+    /// Metres that count per metre of its way: 0 for parallel light, which comes from no place.
+    pub(crate) pace: f64,
     /// Where it comes from.
     source: Vec3,
     /// Whether paths find it without a guide: they sample its light itself.
@@ -130,6 +134,8 @@ impl<'a> Emission<'a> {
                 direction: scattering.direction,
                 power: flight.power * scattering.weight / survival,
                 inverse_range_squared: 0.0,
+                length: flight.length + flight.pace * f64::from(hit.distance),
+                pace: 1.0,
                 source: surface.position.as_vec3(),
                 is_sampled: false,
             };
@@ -165,6 +171,8 @@ impl<'a> Emission<'a> {
                         direction: around(axis, cosine, b),
                         power: intensity * (mask * TAU * (1.0 - least)),
                         inverse_range_squared,
+                        length: 0.0,
+                        pace: 1.0,
                         source: position.as_vec3(),
                         is_sampled: true,
                     }
@@ -186,6 +194,8 @@ impl<'a> Emission<'a> {
                 direction: around(surface.geometric_normal, c.sqrt(), d),
                 power: surface.emission * (sides * PI / point.density),
                 inverse_range_squared: 0.0,
+                length: 0.0,
+                pace: 1.0,
                 source: surface.position.as_vec3(),
                 is_sampled: samples_lights,
             }
@@ -214,6 +224,8 @@ impl<'a> Emission<'a> {
             direction: -towards,
             power: illuminance * (PI * self.radius * self.radius),
             inverse_range_squared: 0.0,
+            length: 0.0,
+            pace: 0.0,
             source: (origin + towards * FAR).as_vec3(),
             is_sampled,
         }

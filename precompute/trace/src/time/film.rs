@@ -40,9 +40,12 @@ pub enum TimeError {
     /// The window is empty, not finite, or has no frames or too many.
     #[error("a window needs a start before its end, both finite, and 1 to 65536 frames")]
     Window,
-    /// A bandwidth or frequency is not finite or not above 0.
-    #[error("a bandwidth or frequency must be finite and above 0")]
+    /// A bandwidth, radius or frequency is not finite or not above 0.
+    #[error("a bandwidth, radius or frequency must be finite and above 0")]
     NotPositive,
+    /// Beams are in fog.
+    #[error("the scene has no fog")]
+    NoFog,
     /// The caller interrupted it.
     #[error("interrupted")]
     Interrupted,
@@ -85,6 +88,21 @@ impl Window {
 }
 
 impl Frames {
+    /// Means of films, each over its number of paths.
+    pub(super) fn new(
+        view: &View,
+        window: Window,
+        films: impl Iterator<Item = (u32, Film)>,
+    ) -> Self {
+        let (mut values, mut outside) = (Vec::new(), Vec::new());
+        for (paths, film) in films {
+            let share = 1.0 / f64::from(paths.max(1));
+            values.extend(film.values.iter().map(|value| (*value * share).as_vec3().to_array()));
+            outside.push((film.outside * share).as_vec3().to_array());
+        }
+        Self { width: view.size.x, height: view.size.y, window, values, outside }
+    }
+
     /// One frame: linear RGB, nits per second, row by row; `None` beyond the last.
     pub fn frame(&self, frame: u32) -> Option<Vec<[f32; 3]>> {
         let count = self.window.frames as usize;
@@ -106,9 +124,9 @@ impl Frames {
 }
 
 /// A pixel's frames as they are filled.
-struct Film {
+pub(super) struct Film {
     window: Window,
-    spread: Spread,
+    pub(super) spread: Spread,
     near: f64,
     pending: Vec<Arrival>,
     values: Vec<DVec3>,
@@ -137,7 +155,7 @@ impl Record for Film {
 }
 
 impl Film {
-    fn new(window: Window, spread: Spread) -> Self {
+    pub(super) fn new(window: Window, spread: Spread) -> Self {
         let values = vec![DVec3::ZERO; window.frames as usize];
         let (pending, outside) = (Vec::new(), DVec3::ZERO);
         Self { window, spread, near: 0.0, pending, values, outside, paths: 0 }
@@ -186,19 +204,15 @@ pub fn frames(
     spread: Spread,
     watch: Watch,
 ) -> Result<(Rendering, Frames), TimeError> {
-    window.validate()?;
-    if matches!(spread, Spread::Kernel(width) if !(width.is_finite() && width > 0.0)) {
-        return Err(TimeError::NotPositive);
-    }
+    validate(window, spread)?;
     let (rendering, films) = recorded(scene, view, settings, watch, &|| Film::new(window, spread))?;
-    let (mut values, mut outside) = (Vec::new(), Vec::new());
-    for film in films {
-        let share = 1.0 / f64::from(film.paths.max(1));
-        values.extend(film.values.iter().map(|value| (*value * share).as_vec3().to_array()));
-        outside.push((film.outside * share).as_vec3().to_array());
-    }
-    let frames = Frames { width: view.size.x, height: view.size.y, window, values, outside };
-    Ok((rendering, frames))
+    Ok((rendering, Frames::new(view, window, films.into_iter().map(|film| (film.paths, film)))))
+}
+
+pub(super) fn validate(window: Window, spread: Spread) -> Result<(), TimeError> {
+    window.validate()?;
+    let fits = !matches!(spread, Spread::Kernel(width) if !(width.is_finite() && width > 0.0));
+    if fits { Ok(()) } else { Err(TimeError::NotPositive) }
 }
 
 /// The mean of `passes` passes with kernels that shrink from `first` seconds, see [`bandwidth`];

@@ -1,0 +1,108 @@
+//! Light in fog by its time of arrival, from beams.
+//!
+//! Marco et al. 2019, "Progressive Transient Photon Beams": each beam and each camera's ray knows
+//! how far its light went, and what they exchange arrives at one time.
+
+use super::film::{Film, Frames, Spread, TimeError, Window, validate};
+use crate::fog_beams::{radii, recorded};
+use crate::integrator::path::{Arrival, Record};
+use crate::integrator::{ReferenceScene, Settings, View, Watch};
+use crate::metrics::Radiance;
+
+/// Share of radius × bandwidth that the next pass keeps, in the limit of many: with both shrinking
+/// alike, error² falls fastest, as passes^(−2/3).
+const ALPHA: f64 = 2.0 / 3.0;
+
+/// How many beams, and how wide.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beams {
+    /// Photons of each pass, at least 1. Noise falls with the root of their number, time and memory
+    /// grow linearly.
+    pub photons: u32,
+    /// Radius of the first pass, metres, finite and above 0. Higher values blur edges more, and have
+    /// less noise.
+    pub radius: f64,
+}
+
+/// Share of its radius and bandwidth that a pass, from 0, leaves to the next.
+fn kept(pass: u32) -> f64 {
+    let j = f64::from(pass) + 1.0;
+    ((j + ALPHA) / (j + 1.0)).sqrt()
+}
+
+/// Share of the first pass's radius and bandwidth that pass number `pass`, from 0, has in
+/// [`beams`] with kernels.
+pub fn narrowing(pass: u32) -> f64 {
+    (0..pass).map(kept).product()
+}
+
+/// A film whose kernel is narrower in each pass.
+struct Passes {
+    film: Film,
+    first: Spread,
+    pass: u32,
+    width: f64,
+}
+
+impl Record for Passes {
+    fn begin(&mut self, near: f64) {
+        if let Spread::Kernel(first) = self.first {
+            self.film.spread = Spread::Kernel(first * self.width);
+        }
+        self.width *= kept(self.pass);
+        self.pass += 1;
+        self.film.begin(near);
+    }
+
+    fn arrived(&mut self, arrival: Arrival) {
+        self.film.arrived(arrival);
+    }
+
+    fn end(&mut self, counts: bool) {
+        self.film.end(counts);
+    }
+}
+
+/// Light that fog scatters towards the camera: the image of
+/// [`fog_beams::render`](crate::fog_beams::render), and the time-resolved one from the same photons,
+/// in `settings.samples` passes. With [`Spread::Bins`] the steady image is that of `fog_beams` bit by
+/// bit, and the sum over time of the other; with [`Spread::Kernel`], bandwidth of the first pass,
+/// radius and bandwidth shrink by [`narrowing`], and values converge to those at the frames' middles.
+/// Bins are the better choice where light comes in short flashes, as a spot's that fog scatters once;
+/// kernels where few beams reach each frame, as through a slit.
+///
+/// Memory: as of [`frames`](super::frames), and 56 bytes for each beam that a pixel sees in a pass.
+///
+/// # Errors
+/// When the window, the bandwidth or the radius is out of range, the scene has no fog, or `watch`
+/// interrupts.
+pub fn beams(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    Beams { photons, radius }: Beams,
+    window: Window,
+    spread: Spread,
+    watch: Watch,
+) -> Result<(Radiance, Frames), TimeError> {
+    validate(window, spread)?;
+    if !(radius.is_finite() && radius > 0.0) {
+        return Err(TimeError::NotPositive);
+    }
+    if scene.fog().is_none() {
+        return Err(TimeError::NoFog);
+    }
+    let film = || Passes { film: Film::new(window, spread), first: spread, pass: 0, width: 1.0 };
+    let (mut pass, mut steady) = (0, radii(radius));
+    let next = || {
+        let narrow = radius * narrowing(pass);
+        pass += 1;
+        let wide = steady.next().unwrap_or(narrow);
+        if spread == Spread::Bins { wide } else { narrow }
+    };
+    let (image, films) = recorded(scene, view, settings, photons, next, watch, &film)
+        .ok_or(TimeError::Interrupted)?;
+    // A pass that is dropped is dark in both images.
+    let films = films.into_iter().map(|passes| (settings.samples, passes.film));
+    Ok((image, Frames::new(view, window, films)))
+}
