@@ -60,14 +60,14 @@ fn settings(seed: u64, samples: u32) -> Settings {
 fn sorted_errors(albedo: f32, seed: u64) -> [Vec<f64>; 3] {
     let capture = capture(&corner(albedo), &view(), &settings(seed, 128), 20e6, Watch::default())
         .expect("a frequency");
-    let corrected = without_bounce(&capture, SIZE.x as usize, 1.0, 3);
+    let corrected = without_bounce(&capture, 1.0, 3).expect("an intensity");
     let errors = |phasors: &[DVec2]| {
-        let depths = capture.depths(phasors).into_iter().zip(&capture.distances);
+        let depths = capture.depths(phasors).into_iter().zip(capture.distances());
         let mut errors: Vec<f64> = depths.filter_map(|(a, b)| Some((a? - (*b)?).abs())).collect();
         errors.sort_by(f64::total_cmp);
         errors
     };
-    [errors(&capture.all), errors(&corrected), errors(&capture.direct)]
+    [errors(capture.all()), errors(&corrected), errors(capture.direct())]
 }
 
 pub(crate) fn errors(seed: u64) -> Vec<(&'static str, f64)> {
@@ -144,12 +144,12 @@ pub(crate) fn pictures(folder: &Path) {
     write("frames.png", sheet.to_png().expect("a picture"));
     let capture = capture(&corner(0.6), &view(), &self::settings(0, 256), 20e6, Watch::default())
         .expect("a frequency");
-    let corrected = without_bounce(&capture, SIZE.x as usize, 1.0, 3);
+    let corrected = without_bounce(&capture, 1.0, 3).expect("an intensity");
     // Red is too far, blue too near; full colour is 30 cm.
-    let errors = [&capture.all, &corrected].map(|phasors| capture.depths(phasors));
+    let errors = [capture.all(), &corrected].map(|phasors| capture.depths(phasors));
     let picture = Picture::from_fn(2 * SIZE.x, SIZE.y, |x, y| {
         let pixel = (y * SIZE.x + x % SIZE.x) as usize;
-        let found = errors[(x / SIZE.x) as usize][pixel].zip(capture.distances[pixel]);
+        let found = errors[(x / SIZE.x) as usize][pixel].zip(capture.distances()[pixel]);
         let error = found.map_or(0.0, |(own, exact)| (own - exact) / 0.3).clamp(-1.0, 1.0);
         let other = (255.0 * (1.0 - error.abs())) as u8;
         if error > 0.0 { [255, other, other] } else { [other, other, 255] }

@@ -9,6 +9,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::film::TimeError;
 use super::flight::{Capture, phasor};
 
 /// A place that a pixel stands for.
@@ -26,21 +27,25 @@ struct Patch {
     area: f64,
 }
 
-/// The phasors of `capture.all` without the light of two bounces, in `rounds` rounds: each takes
-/// off what follows from the last one's distances. `width` is the number of pixels in a row,
-/// `candela` the luminous intensity of a light at the eye, the same in all directions, above 0.
-/// Pixels without a neighbour or without light keep their phasors; so does everything where the
-/// number of pixels is no multiple of `width` or the light is dark.
-pub fn without_bounce(capture: &Capture, width: usize, candela: f64, rounds: u32) -> Vec<DVec2> {
-    let count = capture.all.len();
-    let mut direct = capture.all.clone();
-    let lit = candela.is_finite() && candela > 0.0;
-    if width < 2 || count < 2 * width || !count.is_multiple_of(width) || !lit {
-        return direct;
+/// The phasors of all light in `capture` without the light of two bounces, in `rounds` rounds: each
+/// takes off what follows from the last one's distances. `candela` is the luminous intensity of a
+/// light at the eye, the same in all directions. Pixels without a neighbour in both directions or
+/// without light keep their phasors.
+///
+/// # Errors
+/// When `candela` is not finite or not above 0.
+pub fn without_bounce(
+    capture: &Capture,
+    candela: f64,
+    rounds: u32,
+) -> Result<Vec<DVec2>, TimeError> {
+    if !(candela.is_finite() && candela > 0.0) {
+        return Err(TimeError::NotPositive);
     }
+    let mut direct = capture.all.clone();
     for _ in 0..rounds {
-        let patches = patches(capture, &direct, width, candela);
-        direct = (0..count)
+        let patches = patches(capture, &direct, candela);
+        direct = (0..direct.len())
             .into_par_iter()
             .map(|pixel| {
                 let Some(own) = &patches[pixel] else { return capture.all[pixel] };
@@ -53,7 +58,7 @@ pub fn without_bounce(capture: &Capture, width: usize, candela: f64, rounds: u32
             })
             .collect();
     }
-    direct
+    Ok(direct)
 }
 
 /// Light eye → `from` → `to` → eye.
@@ -91,7 +96,9 @@ fn smoothed(depths: &[Option<f64>], width: usize) -> Vec<Option<f64>> {
     (0..depths.len()).map(mean).collect()
 }
 
-fn patches(capture: &Capture, direct: &[DVec2], width: usize, candela: f64) -> Vec<Option<Patch>> {
+fn patches(capture: &Capture, direct: &[DVec2], candela: f64) -> Vec<Option<Patch>> {
+    // Not 0, which an empty image has.
+    let width = capture.width.max(1);
     let depths = smoothed(&capture.depths(direct), width);
     let height = depths.len() / width;
     let position = |pixel: usize| Some(capture.rays[pixel] * depths[pixel]?);
@@ -124,7 +131,7 @@ fn patches(capture: &Capture, direct: &[DVec2], width: usize, candela: f64) -> V
                 radiance,
                 // A surface reflects no more than it receives, however steep it seems.
                 reflectance: (radiance / illuminance).min(std::f64::consts::FRAC_1_PI),
-                area: capture.solid_angle(width, pixel) * distance * distance / cosine.max(0.05),
+                area: capture.solid_angle(pixel) * distance * distance / cosine.max(0.05),
             };
             let is_sound = distance > 0.0 && cosine > 0.0 && patch.reflectance.is_finite();
             is_sound.then_some(patch)

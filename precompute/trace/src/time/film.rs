@@ -40,8 +40,8 @@ pub enum TimeError {
     /// The window is empty, not finite, or has no frames or too many.
     #[error("a window needs a start before its end, both finite, and 1 to 65536 frames")]
     Window,
-    /// A bandwidth, radius or frequency is not finite or not above 0.
-    #[error("a bandwidth, radius or frequency must be finite and above 0")]
+    /// A bandwidth, radius, frequency or intensity is not finite or not above 0.
+    #[error("a bandwidth, radius, frequency or intensity must be finite and above 0")]
     NotPositive,
     /// Beams are in fog.
     #[error("the scene has no fog")]

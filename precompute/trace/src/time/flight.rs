@@ -41,19 +41,16 @@ pub fn range(frequency: f64) -> f64 {
     SPEED_OF_LIGHT / (2.0 * frequency)
 }
 
-/// What a time-of-flight camera measures, by pixel, row by row.
+/// What a time-of-flight camera measured: [`capture`] makes it, so that its lists, by pixel and row by
+/// row, are of one length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capture {
-    /// Hertz.
-    pub frequency: f64,
-    /// Phasors of all light that surfaces or fog scattered, nits.
-    pub all: Vec<DVec2>,
-    /// Of light that was scattered once.
-    pub direct: Vec<DVec2>,
-    /// True distance from the eye along the ray through the pixel's middle, metres.
-    pub distances: Vec<Option<f64>>,
-    /// Unit vectors of the rays through the pixels' middles, in the world.
-    pub rays: Vec<glam::DVec3>,
+    pub(super) frequency: f64,
+    pub(super) width: usize,
+    pub(super) all: Vec<DVec2>,
+    direct: Vec<DVec2>,
+    distances: Vec<Option<f64>>,
+    pub(super) rays: Vec<glam::DVec3>,
 }
 
 struct Correlation {
@@ -121,26 +118,40 @@ pub fn capture(
     let eye = view.pose.position.as_dvec3();
     let hits = surfaces(scene, view).into_iter();
     let distances = hits.map(|hit| hit.map(|hit| hit.position.distance(eye))).collect();
-    Ok(Capture { frequency, all: pick(0), direct: pick(1), distances, rays: view.rays() })
+    let (width, rays) = (view.size.x as usize, view.rays());
+    Ok(Capture { frequency, width, all: pick(0), direct: pick(1), distances, rays })
 }
 
 impl Capture {
+    /// Phasors of all light that surfaces or fog scattered, nits.
+    pub fn all(&self) -> &[DVec2] {
+        &self.all
+    }
+
+    /// Phasors of light that was scattered once, nits.
+    pub fn direct(&self) -> &[DVec2] {
+        &self.direct
+    }
+
+    /// True distances from the eye along the rays through the pixels' middles, metres; `None` where
+    /// there is no surface.
+    pub fn distances(&self) -> &[Option<f64>] {
+        &self.distances
+    }
+
     /// Distances that `phasors` stand for, metres.
     pub fn depths(&self, phasors: &[DVec2]) -> Vec<Option<f64>> {
         phasors.iter().map(|own| depth(phases(*own, 0.0), self.frequency)).collect()
     }
 
     /// Solid angle of a pixel, steradians, from its neighbours' rays.
-    pub(super) fn solid_angle(&self, width: usize, pixel: usize) -> f64 {
-        let at = |index: usize| self.rays[index.min(self.rays.len() - 1)];
-        let (x, y) = (pixel % width, pixel / width);
+    pub(super) fn solid_angle(&self, pixel: usize) -> f64 {
+        let (width, rays) = (self.width, &self.rays);
+        let x = pixel % width;
         let right = if x + 1 < width { pixel + 1 } else { pixel - usize::from(x > 0) };
-        let below = if (y + 1) * width < self.rays.len() {
-            pixel + width
-        } else {
-            pixel.saturating_sub(width)
-        };
-        let (a, b, c) = (at(pixel), at(right), at(below));
-        ((b - a).cross(c - a)).length().min(PI)
+        let below =
+            if pixel + width < rays.len() { pixel + width } else { pixel.saturating_sub(width) };
+        let [b, c] = [right, below].map(|other| rays[other] - rays[pixel]);
+        b.cross(c).length().min(PI)
     }
 }
