@@ -198,6 +198,15 @@ fn phases_give_depth_and_more_paths_more_of_it() {
         let both = phasor(1.0, 4.0, frequency) + phasor(amplitude, 7.0, frequency);
         assert!((depth(phases(both, 0.1), frequency).unwrap() - expected).abs() < 1e-4);
     }
+    // Each value is a sum over paths.
+    let paths: [(f64, f64); 3] = [(1.0, 4.0), (0.3, 5.5), (0.2, 9.0)];
+    let sum: DVec2 = paths.iter().map(|(own, metres)| phasor(*own, *metres, frequency)).sum();
+    for (k, found) in phases(sum, 0.2).into_iter().enumerate() {
+        let turn = |metres: f64| metres * frequency / SPEED_OF_LIGHT + k as f64 / 4.0;
+        let expected: f64 =
+            paths.iter().map(|(own, metres)| own * (TAU * turn(*metres)).cos()).sum();
+        assert!((found - 0.2 - expected).abs() < 1e-12, "{k}: {found}");
+    }
     assert_eq!(depth([1.0; 4], frequency), None);
     assert_eq!(depth([f64::NAN; 4], frequency), None);
     assert_eq!(depth([1.0, 0.0, 0.0, 0.0], 0.0), None);
@@ -238,6 +247,9 @@ fn a_lamp_at_the_eye_shows_true_depth_and_light_of_two_bounces_can_be_taken_off(
         (errors[errors.len() / 2], errors[errors.len() - 1])
     };
     assert!(error(capture.direct()).1 < 1e-5, "{:?}", error(capture.direct()));
+    // More bounces are longer ways: no depth is too near.
+    let [all, direct] = [capture.all(), capture.direct()].map(|own| capture.depths(own));
+    assert!(all.iter().zip(&direct).all(|(all, direct)| *all >= direct.map(|own| own - 1e-9)));
     let raw = error(capture.all()).0;
     assert!(raw > 0.02, "white walls disturb each other: {raw}");
     let corrected = error(&without_bounce(&capture, 1.0, 3).unwrap()).0;
