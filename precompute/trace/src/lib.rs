@@ -30,7 +30,7 @@
 //!
 //! | method | use it for | do not use it for |
 //! |---|---|---|
-//! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades | open scenes, doors ajar: it finds that it does not pay, in up to a sixth of a small image's time |
+//! | [`Guide::Photons`](integrator::Guide::Photons) | rooms that one lit spot lights, lights behind shades, light from round a corner | open scenes: it finds that it does not pay, in up to a fifth of a small image's time |
 //! | `caustics` | light that metal throws onto diffuse surfaces, where paths leave bright dots | scenes without polished metal |
 //! | `media` | fog in the reference image, and in `time` | light that mirrors throw into fog |
 //! | `fog_cache` | fog that panels nearby light once, the more pixels the better | small views of large rooms, small lights, scattered or reflected light, anisotropic fog |

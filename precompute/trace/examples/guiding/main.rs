@@ -1,6 +1,6 @@
 //! What guiding buys: mean squared error at equal time, against unguided paths, on one thread.
 //!
-//! `cargo run -p frugal_trace --example guiding -- [SAMPLES [SEEDS [SCENE]]]`, on Linux.
+//! `cargo run -p frugal_trace --example guiding -- [SAMPLES [SEEDS [SCENE [FIRST_SEED]]]]`, on Linux.
 //!
 //! Images of several seeds are rendered in turn. Their variance is the mean squared error, since all
 //! means are equal; it is divided by the squared mean. The gain is error × processor time without a
@@ -27,12 +27,13 @@ fn main() {
         arguments.get(i).map_or(default, |text: &String| text.parse().expect("a whole number"))
     };
     let (samples, seeds) = (number(0, 256), number(1, 2));
+    let first = number(3, 0);
     let wanted = arguments.get(2).map_or("", String::as_str);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let guides = [Guide::None, Guide::Photons];
     for place in scenes::all(SIZE).iter().filter(|place| place.name.contains(wanted)) {
         let mut runs: Vec<(Vec<Radiance>, f64)> = vec![(Vec::new(), 0.0); guides.len()];
-        for seed in 0..seeds {
+        for seed in first..first + seeds {
             for (guide, (images, seconds)) in guides.iter().zip(&mut runs) {
                 let settings = Settings {
                     samples,

@@ -9,7 +9,7 @@ use super::*;
 use crate::sampler::Sampler;
 
 /// Photons that arrive around `place`, on a surface that faces up, from `source`.
-fn photons(
+pub(super) fn photons(
     count: u32,
     place: Vec3,
     source: impl Fn([f64; 2]) -> Vec3,
@@ -33,7 +33,7 @@ fn around_point([u, v]: [f64; 2], middle: Vec3, half: f32) -> Vec3 {
 }
 
 /// Two bright patches, near and far, in an evenly lit hemisphere.
-fn patches() -> Vec<Photon> {
+pub(super) fn patches() -> Vec<Photon> {
     let mut all = photons(
         2000,
         Vec3::ZERO,
@@ -51,18 +51,18 @@ fn patches() -> Vec<Photon> {
 }
 
 /// Light as even as BSDF sampling expects it: from everywhere, by the cosine.
-fn lambertian(count: u32) -> Vec<Photon> {
+pub(super) fn lambertian(count: u32) -> Vec<Photon> {
     let far = |[u, v]: [f64; 2]| (around(DVec3::Y, u.sqrt(), v) * 50.0).as_vec3();
     photons(count, Vec3::ZERO, far, |_| 1.0)
 }
 
-fn field(mut photons: Vec<Photon>) -> Field {
-    Field::learn(&mut photons)
+fn field(mut photons: Vec<Photon>) -> Tree {
+    Tree::learn(&mut photons)
 }
 
 /// Chi-square of sampled directions against the density, over a grid of equal solid angles; `fine`²
 /// points a cell integrate the density.
-fn assert_chi_square(cones: &Cones, fine: usize) {
+pub(super) fn assert_chi_square(aims: &Aims, fine: usize) {
     let (columns, rows, count) = (24, 16, 1 << 16);
     let cell = |direction: DVec3| {
         let turn = (direction.z.atan2(direction.x) / (2.0 * PI)).rem_euclid(1.0);
@@ -74,9 +74,9 @@ fn assert_chi_square(cones: &Cones, fine: usize) {
     for i in 0..count {
         // One sample a pixel: stratified ones would fit too well.
         let mut sampler = Sampler::new(11, i, 0);
-        let direction = cones.sample(sampler.number() * cones.share(), sampler.pair());
+        let direction = aims.sample(sampler.number() * aims.share(), sampler.pair());
         assert!((direction.length() - 1.0).abs() < 1e-9);
-        assert!(cones.density(direction) > 0.0, "a direction that is sampled has a density");
+        assert!(aims.density(direction) > 0.0, "a direction that is sampled has a density");
         observed[cell(direction)] += 1.0;
     }
     let mut expected = vec![0.0; columns * rows];
@@ -88,10 +88,10 @@ fn assert_chi_square(cones: &Cones, fine: usize) {
         let radius = (1.0 - direction.y * direction.y).max(0.0).sqrt();
         let (sine, cosine) = (turn * 2.0 * PI).sin_cos();
         let direction = DVec3::new(radius * cosine, y, radius * sine);
-        expected[cell(direction)] += cones.density(direction) * 4.0 * PI / (width * height) as f64;
+        expected[cell(direction)] += aims.density(direction) * 4.0 * PI / (width * height) as f64;
     }
     let integral: f64 = expected.iter().sum();
-    assert!((integral / cones.share() - 1.0).abs() < 0.01, "{integral} of {}", cones.share());
+    assert!((integral / aims.share() - 1.0).abs() < 0.01, "{integral} of {}", aims.share());
     let (mut statistic, mut freedom) = (0.0, -1.0);
     for (observed, expected) in observed.iter().zip(&expected) {
         let expected = expected / integral * count as f64;
@@ -113,7 +113,7 @@ fn sampled_directions_follow_their_density() {
     let sources = field.at(DVec3::ZERO, DVec3::Y).expect("light from patches");
     // From where it was learned, from beside it, and from near a patch: wider cones.
     for position in [DVec3::ZERO, DVec3::new(0.4, 0.0, 0.3), DVec3::new(0.9, 1.6, 0.0)] {
-        assert_chi_square(&sources.seen_from(position), 96);
+        assert_chi_square(&Aims::Cones(sources.seen_from(position)), 96);
     }
 }
 
@@ -156,7 +156,7 @@ fn a_few_photons_aim_at_what_many_show() {
     many.extend(lambertian(5000));
     let striking = Sources::striking(&mut many);
     let learned = Sources::learn(&mut lambertian(100), striking.as_ref()).expect("the disc");
-    let cones = learned.seen_from(DVec3::new(0.3, 0.0, 0.2));
+    let cones = Aims::Cones(learned.seen_from(DVec3::new(0.3, 0.0, 0.2)));
     assert_chi_square(&cones, 96);
     for i in 0..256 {
         let point = small(Sampler::new(5, i, 0).pair()).as_dvec3();

@@ -9,7 +9,7 @@ use super::gain::gain;
 use super::photons::{Emission, Start};
 use super::{ReferenceScene, Settings, View};
 use crate::bsdf::{Bsdf, Surface};
-use crate::guide::{Field, Photon};
+use crate::guide::{Field, Photon, cube};
 use crate::sampler::Sampler;
 
 /// Photons per path of the image, and limits to their number: memory, and what is worth a pass.
@@ -29,14 +29,20 @@ const PILOT_PATHS: u32 = 1 << 13;
 const LEAST_GAIN: f64 = 1.1;
 /// Surfaces along a pilot path.
 const PILOT_SURFACES: u32 = 4;
-/// A place is a voxel; so many fit into the scene's diagonal.
-const VOXELS: f32 = 64.0;
+/// Places are cubes; so many fit into the scene's diagonal.
+const CUBES: f32 = 64.0;
 /// Random numbers that are not those of the image.
 const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Chance of a photon that owes nothing to the last one.
 const FRESH: f64 = 0.3;
 
-/// Learns where light comes from at the places that `view` depends on. The outer `None` where
+/// Learns a field from photons, whose order it may change.
+pub(super) type Kind = fn(&mut [Photon]) -> Field;
+/// All kinds of fields.
+pub(super) const KINDS: [Kind; 2] = [Field::spheres, Field::histograms];
+
+/// Learns where light comes from at the places that `view` depends on, as that of `kinds` which a
+/// few paths show to gain most. The outer `None` where
 /// `interrupted`, the inner one where there is nothing to learn, or where it would not pay.
 ///
 /// The image's own paths teach nothing, so that its samples are independent of the guide.
@@ -44,6 +50,7 @@ pub(super) fn learn(
     scene: &ReferenceScene,
     view: &View,
     settings: &Settings,
+    kinds: &[Kind],
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> Option<Option<Field>> {
     #[cfg(feature = "media")]
@@ -56,14 +63,21 @@ pub(super) fn learn(
     let paths = f64::from(view.size.element_product()) * f64::from(settings.samples);
     let count = (paths * PHOTONS_PER_PATH).clamp(FEWEST_PHOTONS, MOST_PHOTONS);
     let chains = (0.5 * count / f64::from(CHAIN)).ceil() as u64;
-    let gains = |field: &Field| gain(scene, view, &settings, field);
+    // What gains most, and how much; NaN is no gain.
+    let best = |photons: &mut [Photon]| {
+        let told = kinds.iter().map(|learn| {
+            let field = learn(photons);
+            (gain(scene, view, &settings, &field).max(0.0), field)
+        });
+        told.max_by(|one, other| one.0.total_cmp(&other.0))
+    };
     // Some photons start anywhere, the others near starts whose light was useful: in
     // both, each useful start is as likely as any other.
     let mut all = Found::default();
     for round in 0..=MOST_ROUNDS {
         let enough = all.photons.len().max(all.lit) as f64 > USEFUL * 0.5 * count;
         // Where light is found at once, half of the photons tell whether the others would pay.
-        if enough && round == 1 && gains(&Field::learn(&mut all.photons)) < 1.0 {
+        if enough && round == 1 && best(&mut all.photons).is_none_or(|(gain, _)| gain < 1.0) {
             return Some(None);
         }
         let is_last = enough || round == MOST_ROUNDS;
@@ -87,8 +101,8 @@ pub(super) fn learn(
             break;
         }
     }
-    let field = (!all.photons.is_empty()).then(|| Field::learn(&mut all.photons));
-    Some(field.filter(|field| gains(field) > LEAST_GAIN))
+    let best = if all.photons.is_empty() { None } else { best(&mut all.photons) };
+    Some(best.filter(|(gain, _)| *gain > LEAST_GAIN).map(|(_, field)| field))
 }
 
 /// What a chain of photons found.
@@ -160,34 +174,29 @@ impl Found {
 
 /// Places where the paths of an image have surfaces.
 struct Places {
-    voxels: HashSet<[i32; 4]>,
-    voxel: f32,
+    cubes: HashSet<[i32; 4]>,
+    /// Metres.
+    side: f32,
 }
 
 impl Places {
     fn new(scene: &ReferenceScene, view: &View, settings: &Settings) -> Self {
         let bounds = scene.geometry.bounds();
         let diagonal = bounds.map_or(0.0, |bounds| (bounds.max - bounds.min).length());
-        let mut places = Self { voxels: HashSet::new(), voxel: diagonal / VOXELS };
-        places.voxels = (0..PILOT_PATHS)
+        let mut places = Self { cubes: HashSet::new(), side: diagonal / CUBES };
+        places.cubes = (0..PILOT_PATHS)
             .into_par_iter()
             .flat_map_iter(|path| {
                 let sampler = Sampler::new(settings.seed, u64::from(path / 256), path % 256);
                 follow_pilot(scene, view, settings, sampler)
             })
-            .map(|(position, normal)| places.voxel(position, normal))
+            .map(|(position, normal)| cube(position, normal, places.side))
             .collect();
         places
     }
 
     fn contain(&self, position: Vec3, normal: Vec3) -> bool {
-        self.voxels.contains(&self.voxel(position, normal))
-    }
-
-    fn voxel(&self, position: Vec3, normal: Vec3) -> [i32; 4] {
-        let [x, y, z] = (position / self.voxel).floor().to_array().map(|value| value as i32);
-        let axis = normal.abs().max_position();
-        [x, y, z, 2 * axis as i32 + i32::from(normal[axis] < 0.0)]
+        self.cubes.contains(&cube(position, normal, self.side))
     }
 }
 

@@ -60,9 +60,10 @@ pub enum Guide {
     /// Nothing: directions are sampled by BSDF and lights alone.
     #[default]
     None,
-    /// Photons, traced before the image: paths branch to where they came from. Much less noise where
-    /// most light is indirect and comes from few small places. Learning takes up to a sixth of the
-    /// time of small images; a guide that would not pay is left out.
+    /// Photons, traced before the image: paths branch to where they came from. Less noise where most
+    /// light is indirect, the more the fewer and smaller its places are. Those are spheres, or bins of
+    /// directions at each place, by which of them gains more in a few paths; neither where neither
+    /// would pay. Learning takes up to a fifth of the time of small images.
     Photons,
 }
 

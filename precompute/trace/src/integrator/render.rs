@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 
-use super::learn::learn;
+use super::learn::{KINDS, learn};
 use super::path::{Record, trace};
 use super::{Guide, ReferenceScene, Settings, View};
 use crate::metrics::Radiance;
@@ -85,7 +85,7 @@ pub(crate) fn render_recorded<R: Record + Send>(
 ) -> Option<(Rendering, Vec<R>)> {
     let field = match settings.guide {
         Guide::None => None,
-        Guide::Photons => learn(scene, view, settings, watch.interrupted)?,
+        Guide::Photons => learn(scene, view, settings, &KINDS, watch.interrupted)?,
     };
     let eye = view.pose.position.as_dvec3();
     let ([direct, extended, indirect], dropped, records) =

@@ -9,7 +9,7 @@ use super::path::{
 };
 use super::{ReferenceScene, Settings};
 use crate::bsdf::{Bsdf, Surface};
-use crate::guide::{Cones, Field};
+use crate::guide::{Aims, Field};
 use crate::sampler::Sampler;
 
 /// Least odds that walks keep; those below end by roulette. So at most eight walks live in place of
@@ -166,9 +166,9 @@ impl Walk {
 /// Scattering at one point: each path goes on in a direction of the BSDF, and some branch into one
 /// of the guide. All are weighed by the balance heuristic (Veach and Guibas 1995): a guide takes
 /// nothing from BSDF sampling, so that it costs time where it is wrong, and no noise.
-struct Scatter {
+struct Scatter<'a> {
     bsdf: Bsdf,
-    guide: Option<Cones>,
+    guide: Option<Aims<'a>>,
 }
 
 /// A sampled direction.
@@ -184,10 +184,10 @@ struct Scattered {
     odds: f64,
 }
 
-impl Scatter {
-    fn new(bsdf: Bsdf, surface: &Surface, field: Option<&Field>) -> Self {
-        let sources = field.and_then(|field| field.at(surface.position, surface.geometric_normal));
-        Self { bsdf, guide: sources.map(|sources| sources.seen_from(surface.position)) }
+impl<'a> Scatter<'a> {
+    fn new(bsdf: Bsdf, surface: &Surface, field: Option<&'a Field>) -> Self {
+        let guide = field.and_then(|field| field.aims(surface.position, surface.geometric_normal));
+        Self { bsdf, guide }
     }
 
     /// BSDF × cosine for light from `direction`, a unit vector; and the expected number of samples
@@ -207,12 +207,12 @@ impl Scatter {
 
     /// A direction of the guide, for a share of the paths; `None` where nothing is reflected.
     fn branch(&self, sampler: &mut Sampler) -> Option<Scattered> {
-        let cones = self.guide.as_ref()?;
+        let guide = self.guide.as_ref()?;
         let choice = sampler.number();
-        if choice >= cones.share() {
+        if choice >= guide.share() {
             return None;
         }
-        let direction = cones.sample(choice, sampler.pair());
+        let direction = guide.sample(choice, sampler.pair());
         let (reflected, own) = self.bsdf.evaluate(direction);
         let density = self.density(own, direction);
         (own > 0.0 && reflected.max_element() > 0.0).then(|| Scattered {
@@ -226,7 +226,7 @@ impl Scatter {
     /// Samples per steradian where BSDF sampling alone takes `own`.
     fn density(&self, own: f64, direction: DVec3) -> f64 {
         match &self.guide {
-            Some(cones) if own > 0.0 => own + cones.density(direction),
+            Some(guide) if own > 0.0 => own + guide.density(direction),
             _ => own,
         }
     }

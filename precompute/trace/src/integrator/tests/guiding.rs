@@ -1,7 +1,7 @@
 //! Guided images have the mean of unguided ones, and less noise where most light is indirect.
 
 use super::super::gain::gain;
-use super::super::learn::learn;
+use super::super::learn::{KINDS, Kind, learn};
 use super::super::photons::Emission;
 use super::*;
 use crate::guide::{Field, Photon};
@@ -75,8 +75,8 @@ fn assert_same_means(scene: &ReferenceScene, settings: &Settings, field: Option<
     total(&unguided).assert_agrees(&total(&guided));
 }
 
-fn learned(scene: &ReferenceScene, settings: &Settings) -> Option<Field> {
-    learn(scene, &corner(), &Settings { samples: 4096, ..*settings }, &|| false)
+fn learned(scene: &ReferenceScene, settings: &Settings, kinds: &[Kind]) -> Option<Field> {
+    learn(scene, &corner(), &Settings { samples: 4096, ..*settings }, kinds, &|| false)
         .expect("nothing interrupts")
 }
 
@@ -107,22 +107,29 @@ fn guided_paths_have_the_unguided_mean() {
         ("constant sky", open(Sky::Constant(DVec3::splat(30.0))), unlimited),
         ("sky map", open(Sky::map(map, 1.0)), unlimited),
     ] {
-        let field = learned(&scene, &settings);
-        println!("{name}: {}", if field.is_some() { "guided" } else { "nothing to learn" });
-        assert_same_means(&scene, &settings, field.as_ref());
+        for kind in KINDS {
+            let Some(field) = learned(&scene, &settings, &[kind]) else {
+                println!("{name}: nothing to learn");
+                continue;
+            };
+            assert_same_means(&scene, &settings, Some(&field));
+        }
     }
 }
 
 /// Light that is said to come from around `source`, everywhere in a room.
-fn lies(source: Vec3) -> Field {
+fn lies(source: Vec3) -> [Field; 2] {
     let mut photons = Vec::new();
-    for i in 0..6000 {
+    for i in 0..60_000 {
         let axis = Vec3::AXES[i % 3] * if i % 2 == 0 { 1.0 } else { -1.0 };
         let spread = Vec3::new((i % 7) as f32, (i % 11) as f32, (i % 13) as f32) * 0.02;
         let place = Vec3::new((i % 40) as f32, (i % 25) as f32, (i % 39) as f32) * 0.1;
         photons.push(Photon { position: place, normal: axis, source: source + spread, power: 1.0 });
     }
-    Field::learn(&mut photons)
+    let fields = KINDS.map(|learn| learn(&mut photons));
+    let floor = DVec3::new(3.0, 0.1, 3.0);
+    assert!(fields.iter().all(|field| field.aims(floor, DVec3::Y).is_some()));
+    fields
 }
 
 #[test]
@@ -136,10 +143,11 @@ fn wrong_guides_change_neither_mean_nor_noise() {
         let unguided = noise(&settings, None);
         // From a corner, from inside a block, from below, and from nowhere.
         for source in [Vec3::ZERO, Vec3::new(2.4, 0.6, 1.4), Vec3::NEG_Y * 9.0, Vec3::splat(1e30)] {
-            let field = lies(source);
-            assert_same_means(&scene, &settings, Some(&field));
-            let guided = noise(&settings, Some(&field));
-            assert!(guided < 1.2 * unguided, "{guided}, not {unguided}, from {source}");
+            for field in lies(source) {
+                assert_same_means(&scene, &settings, Some(&field));
+                let guided = noise(&settings, Some(&field));
+                assert!(guided < 1.2 * unguided, "{guided}, not {unguided}, from {source}");
+            }
         }
     }
 }
@@ -149,17 +157,36 @@ fn gains_are_foretold() {
     let settings = Settings { samples: 4096, ..Settings::default() };
     let spotlit = room(&[spot()], Sky::Black);
     let told = |scene: &ReferenceScene, field: &Field| gain(scene, &corner(), &settings, field);
-    let good = told(&spotlit, &learned(&spotlit, &settings).expect("light"));
+    let good = told(&spotlit, &learned(&spotlit, &settings, &KINDS).expect("light"));
     assert!(good > 4.0, "{good}");
     // A wrong guide costs time; and an even sky is found without one.
     let lit = room(&[point_light(Vec3::new(1.0, 1.5, 2.5), 1000.0)], Sky::Black);
-    let bad = told(&lit, &lies(Vec3::ZERO));
-    assert!(bad < 1.0, "{bad}");
+    for field in lies(Vec3::ZERO) {
+        let bad = told(&lit, &field);
+        assert!(bad < 1.0, "{bad}");
+    }
     let floor = geometry(diffuse(), |b| {
         b.tint([0.6; 3]).cuboid(Vec3::new(-3.0, -0.1, -3.0), Vec3::new(5.0, 0.0, 5.0));
     });
     let open = scene(floor, &[sun(Vec3::NEG_Y, 100.0)], Sky::Constant(DVec3::splat(30.0)));
-    assert!(learned(&open, &settings).is_none(), "an open field pays no guide");
+    for kind in KINDS {
+        assert!(learned(&open, &settings, &[kind]).is_none(), "an open field pays no guide");
+    }
+}
+
+#[test]
+fn spots_are_told_from_light_round_a_corner() {
+    let settings = Settings { samples: 1, ..Settings::default() };
+    let spotlit = learned(&room(&[spot()], Sky::Black), &settings, &KINDS);
+    assert!(matches!(spotlit, Some(Field::Spheres(_))));
+    // A corridor with its mouth at the far end, behind which a light stands to the side.
+    let walls = geometry(diffuse(), |b| {
+        b.tint([0.6; 3]).room(Vec3::new(0.0, 0.0, -6.0), Vec3::new(8.0, 2.5, 4.0));
+        b.cuboid(Vec3::new(3.0, 0.0, -4.0), Vec3::new(8.0, 2.5, 4.0));
+    });
+    let scene = scene(walls, &[point_light(Vec3::new(7.0, 2.0, -5.0), 4000.0)], Sky::Black);
+    let round = learned(&scene, &settings, &KINDS);
+    assert!(matches!(round, Some(Field::Histograms(_))));
 }
 
 #[test]
@@ -169,9 +196,12 @@ fn a_room_lit_by_a_spot_has_a_fraction_of_the_noise() {
     let noise = |field: Option<&Field>| -> f64 {
         tiles(&scene, &settings, field, 12_000).iter().map(|tile| tile.error.powi(2)).sum()
     };
-    let field = learned(&scene, &settings).expect("light");
-    let gain = noise(None) / noise(Some(&field));
-    assert!(gain > 4.0, "{gain}");
+    let unguided = noise(None);
+    for kind in KINDS {
+        let field = learned(&scene, &settings, &[kind]).expect("light");
+        let gain = unguided / noise(Some(&field));
+        assert!(gain > 4.0, "{gain}");
+    }
 }
 
 #[test]
@@ -194,12 +224,12 @@ fn guided_images_depend_on_the_seed_and_not_on_threads() {
 fn scenes_without_light_or_surfaces_teach_nothing() {
     let settings = Settings { samples: 2, guide: Guide::Photons, ..Settings::default() };
     let empty = scene(SceneGeometry::default(), &[spot()], Sky::Constant(DVec3::splat(5.0)));
-    assert!(learned(&empty, &settings).is_none());
+    assert!(learned(&empty, &settings, &KINDS).is_none());
     assert!(
         picture(&empty, &corner(), &settings).direct.rgb.iter().all(|pixel| *pixel == [5.0; 3])
     );
     let dark = room(&[], Sky::Black);
-    assert!(learned(&dark, &settings).is_none());
+    assert!(learned(&dark, &settings, &KINDS).is_none());
     assert_eq!(picture(&dark, &corner(), &settings).full().mean(), 0.0);
 }
 
