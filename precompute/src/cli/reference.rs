@@ -49,7 +49,7 @@ pub(super) struct Arguments {
 /// What tells paths where light comes from.
 const GUIDES: Choices<Guide> = &[
     ("none", Guide::None, "Nothing"),
-    ("photons", Guide::Photons, "Photons, traced before the image"),
+    ("photons", Guide::Photons, "Photons, traced before the image, where they pay"),
 ];
 
 /// Greatest number of bounces; `None` for no limit.

@@ -1,5 +1,7 @@
 //! A frame renderer whose power and error are formulas, for tests.
 
+use std::time::Duration;
+
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
 use frugal_search::evaluate::Pose;
@@ -19,6 +21,8 @@ pub(crate) struct Fake {
     pub(crate) brighter: u8,
     /// The frame, counted over all runs, that fails.
     pub(crate) broken_at: Option<usize>,
+    /// Time that a frame takes.
+    pub(crate) pause: Duration,
     /// Frames rendered over all runs.
     pub(crate) frames: usize,
 }
@@ -34,6 +38,7 @@ impl FrameRenderer for Fake {
         pose: &Pose,
         settings: KnobLevels,
     ) -> Result<(Picture, Watts), RemoteError> {
+        std::thread::sleep(self.pause);
         if self.broken_at == Some(self.frames) {
             return Err(RemoteError::failed("broken"));
         }

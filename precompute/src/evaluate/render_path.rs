@@ -104,8 +104,9 @@ fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
 
 #[cfg(test)]
 mod tests {
-    use frugal_search::journal::{Existing, JournalHeader};
+    use std::time::Duration;
 
+    use frugal_search::journal::{Existing, JournalHeader};
     use frugal_search::testing::formula::{path, space};
 
     use super::*;
@@ -148,10 +149,11 @@ mod tests {
             Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         let broken = Fake { broken_at: Some(25), ..Fake::default() };
-        let failed =
-            extend(&mut record, &mut [Fake::default(), broken], &all, &mut journal, &mut |_| {
-                ControlFlow::Continue(())
-            });
+        // So slow that it cannot do all before the other breaks.
+        let slow = Fake { pause: Duration::from_millis(2), ..Fake::default() };
+        let failed = extend(&mut record, &mut [slow, broken], &all, &mut journal, &mut |_| {
+            ControlFlow::Continue(())
+        });
         assert!(matches!(failed, Err(EvaluationError::Renderer(_))));
         let kept = record.table.settings().len();
         assert!((2..all.len()).contains(&kept), "{kept} of {}", all.len());
