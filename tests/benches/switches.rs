@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use bevy::math::UVec2;
 use bevy::render::render_resource::PipelineCache;
-use bevy_frugal_gi::control::{ControlSettings, SettingsFilter, TransitionTimes};
+use bevy_frugal_gi::control::{ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::knobs::{KnobLevels, WarmKnobs};
 use frugal::scene::SceneDescription;
@@ -144,7 +144,7 @@ impl Bench {
         self.stage.switch(from);
         (0..FRAMES).for_each(|_| self.stage.frame());
         let seconds = self.frames_per_second.recip();
-        let times = TransitionTimes::both(ControlSettings::TRANSITION);
+        let times = ControlSettings::TRANSITION;
         let mut filter = SettingsFilter::default();
         filter.resume_from(from);
         let frames = (ControlSettings::TRANSITION.as_secs_f64() / seconds).ceil() as usize + FRAMES;

@@ -10,7 +10,6 @@ fn an_app_budget_is_divided_among_its_cameras() {
         GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
     let other = app.world_mut().spawn((PowerController(map), Budget::default(), lens(), look)).id();
     app.world_mut().resource_mut::<ControlSettings>().transition = Duration::ZERO;
-    app.world_mut().resource_mut::<ControlSettings>().fall = Duration::ZERO;
     app.world_mut().resource_mut::<ControlSettings>().dwell = Duration::ZERO;
     let powers = |app: &mut App, limit: Option<f64>| {
         app.world_mut().resource_mut::<AppBudget>().power = limit.map(Watts);
@@ -220,7 +219,7 @@ fn a_knob_of_the_app_is_agreed_on_and_paid_by_every_camera() {
     let limited = Budget::power(Watts(3.0));
     let other = app.world_mut().spawn((PowerController(map), limited, lens(), look)).id();
     let mut settings = app.world_mut().resource_mut::<ControlSettings>();
-    (settings.transition, settings.fall) = (Duration::ZERO, Duration::ZERO);
+    settings.transition = Duration::ZERO;
     settings.dwell = Duration::ZERO;
     let powers = |app: &mut App, priority: f64, limit: f64| {
         app.world_mut().entity_mut(camera).insert(CameraPriority(priority));

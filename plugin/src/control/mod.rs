@@ -29,7 +29,7 @@ use bevy::prelude::*;
 pub use frugal_core::control::{
     Budget, BudgetError, CameraController, Choice, ControlSettings, Decisions, ErrorFeedback,
     Inputs, KnobBounds, Limit, Outcome, PowerCorrection, PowerModel, RateTracker, SettingsFilter,
-    TransitionTimes, select,
+    select,
 };
 use frugal_core::control::{FrameKind, FrameRate, FrameSignals, SignalModel};
 

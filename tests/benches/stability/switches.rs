@@ -9,7 +9,7 @@
 use std::path::Path;
 
 use bevy::math::{Quat, UVec2};
-use bevy_frugal_gi::control::{ControlSettings, SettingsFilter, TransitionTimes};
+use bevy_frugal_gi::control::{ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::KnobLevels;
@@ -101,7 +101,7 @@ impl Bench {
     fn filtered(&mut self, map: &FrontierMap, from: KnobLevels, to: KnobLevels) -> Vec<f64> {
         self.switch(from);
         let seconds = self.stage.options().frames_per_second.recip();
-        let times = TransitionTimes::both(ControlSettings::TRANSITION);
+        let times = ControlSettings::TRANSITION;
         let mut filter = SettingsFilter::default();
         filter.resume_from(from);
         let frames = (ControlSettings::TRANSITION.as_secs_f64() / seconds).ceil() as usize + FRAMES;

@@ -37,7 +37,6 @@ fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
     let world = stage.world_mut();
     world.insert_resource(ControlSettings {
         transition: Duration::from_secs_f64(seconds),
-        fall: Duration::from_secs_f64(seconds),
         dwell: Duration::ZERO,
         ..Default::default()
     });

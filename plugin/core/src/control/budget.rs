@@ -208,15 +208,10 @@ impl Budget {
 #[cfg_attr(feature = "bevy", derive(bevy_ecs::resource::Resource, bevy_reflect::Reflect))]
 #[cfg_attr(feature = "bevy", reflect(Resource, Default, Clone, Debug, PartialEq))]
 pub struct ControlSettings {
-    /// Duration of every transition except a fall under a power limit. Higher values change quality
-    /// more gradually and follow the view later, which costs power under an error limit; lower
-    /// values follow sooner, pass through fewer settings that are on no frontier, and change quality
-    /// more visibly. Default: 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
+    /// Duration of a knob's transition to its new level. Higher values change quality more gradually
+    /// and follow the view and the budget later; lower values follow sooner, pass through fewer
+    /// settings that are on no frontier, and change quality more visibly. Default: 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
     pub transition: Duration,
-    /// Duration of a fall to cheaper settings under a power limit. Lower values end an excess over
-    /// the limit sooner and change quality more visibly; higher values change it more gradually and
-    /// exceed the limit for longer. Default: 0.3 s.
-    pub fall: Duration,
     /// Shortest time between two changes of the target. It ends early when the budget cannot bear
     /// the present target, with another budget, and at a cut. Higher values change quality less
     /// often and follow views less closely. Default: 1 s.
@@ -229,59 +224,11 @@ pub struct ControlSettings {
 impl ControlSettings {
     /// Default of [`transition`](Self::transition).
     pub const TRANSITION: Duration = Duration::from_millis(300);
-
-    /// Transition times under `budget`. An infinite limit counts as none. With two limits the power
-    /// limit decides, as it does where they conflict. An error limit alone applies to the mean, so
-    /// neither direction is more urgent.
-    pub fn times(&self, budget: &Budget) -> TransitionTimes {
-        if budget.power.is_some_and(|limit| limit.0 < f64::INFINITY) {
-            TransitionTimes { rise: self.transition, fall: self.fall }
-        } else {
-            TransitionTimes::both(self.transition)
-        }
-    }
 }
 
 impl Default for ControlSettings {
     fn default() -> Self {
-        Self {
-            transition: Self::TRANSITION,
-            fall: Self::TRANSITION,
-            dwell: Duration::from_secs(1),
-            power_feedback: true,
-        }
-    }
-}
-
-/// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
-/// saves power, rising reduces error.
-///
-/// Higher values change quality more gradually and take longer to end an excess over the budget.
-/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TransitionTimes {
-    /// To a more expensive level. Lower values raise quality sooner and more visibly; higher values
-    /// save power during the transition.
-    pub rise: Duration,
-    /// To a cheaper level. Lower values reduce power sooner and more visibly; higher values keep
-    /// quality, at its power, during the transition.
-    pub fall: Duration,
-}
-
-impl TransitionTimes {
-    /// `time` in both directions, as in the closed form of Wang et al.
-    pub const fn both(time: Duration) -> Self {
-        Self { rise: time, fall: time }
-    }
-
-    /// Fraction of a transition in `delta_seconds`, 0 to 1, for a knob with `remaining` levels to
-    /// go.
-    pub(super) fn fraction(self, delta_seconds: f64, remaining: f64) -> f64 {
-        match if remaining > 0.0 { self.rise } else { self.fall } {
-            Duration::ZERO => 1.0,
-            Duration::MAX => 0.0,
-            time => (delta_seconds / time.as_secs_f64()).min(1.0),
-        }
+        Self { transition: Self::TRANSITION, dwell: Duration::from_secs(1), power_feedback: true }
     }
 }
 

@@ -48,26 +48,3 @@ fn the_message_tells_the_value_and_the_remedy() {
     let message = Budget::power(Watts(-2.0)).validate().expect_err("a negative budget").to_string();
     assert!(message.contains("-2 W") && message.contains("0 or more"), "{message}");
 }
-
-#[test]
-fn falls_under_a_power_limit_are_fast() {
-    let (slow, fast) = (Duration::from_secs(3), Duration::from_millis(250));
-    let settings = ControlSettings { transition: slow, fall: fast, ..ControlSettings::default() };
-    let power = TransitionTimes { rise: slow, fall: fast };
-    let error = TransitionTimes::both(slow);
-    let none = Watts(f64::INFINITY);
-    for (budget, expected) in [
-        (Budget::power(Watts(5.0)), power),
-        (Budget::power(Watts(0.0)), power),
-        (Budget::both(Watts(5.0), 0.1), power),
-        (Budget::error(0.1), error),
-        (Budget::both(none, 0.1), error),
-        (Budget::default(), error),
-        (Budget::both(none, f64::INFINITY), error),
-    ] {
-        assert_eq!(settings.times(&budget), expected, "{budget:?}");
-    }
-    let default = ControlSettings::default();
-    let usual = TransitionTimes::both(ControlSettings::TRANSITION);
-    assert_eq!(default.times(&Budget::default()), usual);
-}

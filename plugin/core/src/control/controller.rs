@@ -148,9 +148,7 @@ impl Inputs<'_> {
         let (seconds, dwell) = (self.delta_seconds, self.settings.dwell.as_secs_f64());
         let held_cost = |held, known| cost_of(held, Some(known));
         let (target, target_cost) = filter.dwell.choose(choice, seconds, dwell, held_cost);
-        let limit = limits.peak.or(limits.power);
-        let times = self.settings.times(&Budget::new(limit, limits.error));
-        let applied = filter.step(space, target, seconds, times);
+        let applied = filter.step(space, target, seconds, self.settings.transition);
         let cost = if applied == target {
             target_cost
         } else {

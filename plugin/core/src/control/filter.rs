@@ -12,14 +12,12 @@
 //! A knob that depends on another (rays need virtual point lights) moves while it has no effect,
 //! within T: before the other is switched on, or after it is switched off. Otherwise settings on
 //! the way would be on no frontier: lights without rays shine through walls.
-//!
-//! T may differ up and down ([`TransitionTimes`]).
 
 use std::cmp::Ordering;
+use std::time::Duration;
 
 use glam::Vec3;
 
-use super::TransitionTimes;
 use super::choose::Dwell;
 use crate::frontier::{CameraView, is_cut};
 use crate::knobs::{KnobLevels, KnobSpace};
@@ -34,8 +32,8 @@ const MAX_STEP_SECONDS: f64 = 1e9;
 /// below one half, so that a knob at rest is at its target. A target that alternates between
 /// neighbouring levels then moves the level only if it stays at each for more than half a
 /// transition. A target that alternates between levels A apart, h seconds at each, makes the
-/// position oscillate over A·r·f / (r + f − r·f) levels, where r and f are h in units of the rise
-/// and fall times; up to two margins, the level comes to rest.
+/// position oscillate over A·r / (2 − r) levels, where r is h ÷ T; up to two margins, the level comes
+/// to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
 
 /// The transition of one knob.
@@ -63,9 +61,13 @@ impl Transition {
         f64::from(self.to) - self.position
     }
 
-    fn advance(&mut self, delta_seconds: f64, times: TransitionTimes) {
-        let remaining = self.remaining();
-        let step = self.rate * times.fraction(delta_seconds, remaining);
+    fn advance(&mut self, delta_seconds: f64, time: Duration) {
+        let share = match time {
+            Duration::ZERO => 1.0,
+            Duration::MAX => 0.0,
+            time => (delta_seconds / time.as_secs_f64()).min(1.0),
+        };
+        let (remaining, step) = (self.remaining(), self.rate * share);
         // Set exactly at the end: rounding errors must not prolong a transition for ever.
         self.position = if remaining.abs() <= step {
             f64::from(self.to)
@@ -171,7 +173,7 @@ impl SettingsFilter {
     /// Advances by `delta_seconds` towards `target` and returns the settings to apply, always valid
     /// in `space`.
     ///
-    /// A transition from rest takes its entry in `times`, whatever its length in levels. The step
+    /// A transition from rest takes `time`, whatever its length in levels. The step
     /// itself belongs to the previous target: a new target starts at t = 0. A negative or NaN step
     /// counts as 0. Levels of `target` beyond those of `space` are clamped.
     pub fn step(
@@ -179,7 +181,7 @@ impl SettingsFilter {
         space: &KnobSpace,
         target: KnobLevels,
         delta_seconds: f64,
-        times: TransitionTimes,
+        time: Duration,
     ) -> KnobLevels {
         // Not `clamp` alone, which lets NaN pass.
         let delta_seconds =
@@ -201,14 +203,14 @@ impl SettingsFilter {
                 *transition = Transition::at_rest(to);
                 return target.level(index);
             }
-            transition.advance(delta_seconds, times);
+            transition.advance(delta_seconds, time);
             // Resumed settings may belong to a larger space. `max` also rejects NaN, which
             // reflection may write.
             transition.position = transition.position.max(0.0).min(highest);
             if transition.to != to {
                 transition.turn_to(to);
                 // A time of 0 completes the transition here.
-                transition.advance(0.0, times);
+                transition.advance(0.0, time);
             }
             let is_kept =
                 depends && transition.remaining() != 0.0 && !space.has_effect(target, knob);

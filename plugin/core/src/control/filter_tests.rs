@@ -6,12 +6,7 @@ use super::*;
 use crate::knobs::Knob;
 use crate::testing::space;
 
-const TWO: TransitionTimes = TransitionTimes::both(Duration::from_secs(2));
-/// As under power limits: settings fall faster.
-const QUICK_FALL: TransitionTimes =
-    TransitionTimes { rise: Duration::from_millis(2000), fall: Duration::from_millis(500) };
-const QUICK_RISE: TransitionTimes =
-    TransitionTimes { rise: Duration::from_millis(500), fall: Duration::from_millis(2000) };
+const TWO: Duration = Duration::from_secs(2);
 const FRAME: f64 = 1.0 / 60.0;
 
 fn settings(samples: usize, scale: usize) -> KnobLevels {
@@ -32,17 +27,11 @@ fn started(at: KnobLevels) -> SettingsFilter {
 
 /// The first knob's level in each frame while the target alternates every `frames` frames,
 /// starting with the first target.
-fn alternate(
-    from: usize,
-    targets: [usize; 2],
-    frames: usize,
-    seconds: f64,
-    times: TransitionTimes,
-) -> Vec<usize> {
+fn alternate(from: usize, targets: [usize; 2], frames: usize, seconds: f64) -> Vec<usize> {
     let mut filter = started(settings(from, 0));
     let count = (seconds / FRAME).round() as usize;
     let step = |frame| {
-        filter.step(&long_space(), settings(targets[frame / frames % 2], 0), FRAME, times).level(0)
+        filter.step(&long_space(), settings(targets[frame / frames % 2], 0), FRAME, TWO).level(0)
     };
     (0..count).map(step).collect()
 }
@@ -138,60 +127,36 @@ fn a_changed_target_starts_from_where_the_knob_is() {
 
 #[test]
 fn a_target_that_alternates_does_not_starve_the_knob() {
-    for (times, seconds) in [(TWO, 2.0), (QUICK_FALL, 0.5), (QUICK_RISE, 2.0)] {
-        // 0.2 s each; also one frame each, for a camera on a leaf's border.
-        for frames in [12, 1] {
-            for targets in [[2, 3], [3, 2]] {
-                let levels = alternate(7, targets, frames, 60.0, times);
-                // The first frame is t = 0.
-                let arrived = 1 + (seconds / FRAME).round() as usize;
-                assert_eq!(levels[0], 7);
-                assert!(levels.is_sorted_by(|a, b| a >= b), "it only falls: {levels:?}");
-                assert!(
-                    levels[arrived..].iter().all(|level| [2, 3].contains(level)),
-                    "{times:?}: {levels:?}"
-                );
-                assert!(changes(&levels) <= 5, "{times:?}: {levels:?}");
-            }
-        }
-    }
-}
-
-#[test]
-fn rising_and_falling_take_their_own_times() {
-    for (times, up, down) in [(QUICK_FALL, 2.0, 0.5), (QUICK_RISE, 0.5, 2.0)] {
-        // One knob rises from 0 to 4 while the other falls from 4 to 0.
-        let mut filter = started(settings(0, 4));
-        for frame in 0..=128 {
-            let got = filter.step(&long_space(), settings(4, 0), 1.0 / 64.0, times);
-            let share = |seconds: f64| (f64::from(frame) / 64.0 / seconds).min(1.0);
-            let expected = settings(
-                (4.0 * share(up)).round() as usize,
-                (4.0 - 4.0 * share(down)).round() as usize,
-            );
-            assert_eq!(got, expected, "{times:?}, frame {frame}");
+    // 0.2 s each; also one frame each, for a camera on a leaf's border.
+    for frames in [12, 1] {
+        for targets in [[2, 3], [3, 2]] {
+            let levels = alternate(7, targets, frames, 60.0);
+            // The first frame is t = 0.
+            let arrived = 1 + (TWO.as_secs_f64() / FRAME).round() as usize;
+            assert_eq!(levels[0], 7);
+            assert!(levels.is_sorted_by(|a, b| a >= b), "it only falls: {levels:?}");
+            assert!(levels[arrived..].iter().all(|level| [2, 3].contains(level)), "{levels:?}");
+            assert!(changes(&levels) <= 5, "{levels:?}");
         }
     }
 }
 
 #[test]
 fn a_target_that_flips_does_not_make_the_level_flip() {
-    for times in [TWO, QUICK_FALL, QUICK_RISE] {
-        for (from, targets) in [(1, [0, 1]), (1, [1, 0]), (0, [0, 1]), (0, [1, 0])] {
-            // 0.1 s each. The position converges to an oscillation about the target's mean,
-            // 0.04 levels wide at most. It may cross one half once; a second crossing needs an
-            // oscillation of half a level.
-            let levels = alternate(from, targets, 6, 10.0, times);
-            assert!(changes(&levels) <= 1, "{times:?}, {from}, {targets:?}: {levels:?}");
-        }
-        // Just under half of the longer duration each: the longest that must have no effect.
-        let levels = alternate(1, [0, 1], 59, 60.0, times);
-        assert!(changes(&levels) <= 1, "{times:?}: {levels:?}");
+    for (from, targets) in [(1, [0, 1]), (1, [1, 0]), (0, [0, 1]), (0, [1, 0])] {
+        // 0.1 s each. The position converges to an oscillation about the target's mean,
+        // 0.04 levels wide at most. It may cross one half once; a second crossing needs an
+        // oscillation of half a level.
+        let levels = alternate(from, targets, 6, 10.0);
+        assert!(changes(&levels) <= 1, "{from}, {targets:?}: {levels:?}");
     }
+    // Just under half of the duration each: the longest that must have no effect.
+    let levels = alternate(1, [0, 1], 59, 60.0);
+    assert!(changes(&levels) <= 1, "{levels:?}");
     // Over many levels the transition to the mean takes several changes without a reversal,
     // also when the target alternates every frame.
     for frames in [6, 1] {
-        let levels = alternate(7, [0, 7], frames, 10.0, TWO);
+        let levels = alternate(7, [0, 7], frames, 10.0);
         assert!(levels.is_sorted_by(|a, b| a >= b), "{levels:?}");
         assert!([3, 4].contains(&levels[levels.len() - 1]), "{levels:?}");
     }
@@ -199,10 +164,8 @@ fn a_target_that_flips_does_not_make_the_level_flip() {
 
 #[test]
 fn a_target_that_stays_long_enough_is_followed_each_time() {
-    for times in [TWO, QUICK_FALL, QUICK_RISE] {
-        let levels = alternate(1, [0, 1], 121, 121.0 * 10.0 * FRAME, times);
-        assert_eq!(changes(&levels), 10, "{times:?}: {levels:?}");
-    }
+    let levels = alternate(1, [0, 1], 121, 121.0 * 10.0 * FRAME);
+    assert_eq!(changes(&levels), 10, "{levels:?}");
 }
 
 /// Lights of 4 levels, and rays of 3 that need them.
@@ -216,19 +179,17 @@ fn dependent_space() -> KnobSpace {
 fn a_knob_moves_while_what_it_needs_is_off() {
     let space = dependent_space();
     let (off, on) = (settings(0, 0), settings(3, 2));
-    for times in [TWO, QUICK_FALL, QUICK_RISE] {
-        for (from, to) in [(off, on), (on, off)] {
-            let mut filter = SettingsFilter::default();
-            filter.resume_from(from);
-            let mut seen = Vec::new();
-            for _ in 0..130 {
-                seen.push(filter.step(&space, to, FRAME, times));
-            }
-            assert_eq!(filter.applied(), to, "it arrives");
-            let without_rays = seen.iter().find(|it| it.level(0) > 0 && it.level(1) < 2);
-            assert_eq!(without_rays, None, "{from:?} to {to:?}");
-            assert!(seen.iter().any(|it| (1..3).contains(&it.level(0))), "no jump");
+    for (from, to) in [(off, on), (on, off)] {
+        let mut filter = SettingsFilter::default();
+        filter.resume_from(from);
+        let mut seen = Vec::new();
+        for _ in 0..130 {
+            seen.push(filter.step(&space, to, FRAME, TWO));
         }
+        assert_eq!(filter.applied(), to, "it arrives");
+        let without_rays = seen.iter().find(|it| it.level(0) > 0 && it.level(1) < 2);
+        assert_eq!(without_rays, None, "{from:?} to {to:?}");
+        assert!(seen.iter().any(|it| (1..3).contains(&it.level(0))), "no jump");
     }
 }
 
@@ -250,8 +211,7 @@ fn knobs_that_need_each_other_arrive() {
 #[test]
 fn cuts_and_zero_length_transitions_act_at_once() {
     let [now, default, long] =
-        [Duration::ZERO, Duration::from_secs(1), Duration::from_secs(1_000_000)]
-            .map(TransitionTimes::both);
+        [Duration::ZERO, Duration::from_secs(1), Duration::from_secs(1_000_000)];
     let mut filter = started(settings(0, 0));
     filter.step(&space(), settings(4, 2), 0.1, TWO);
     filter.cut();
@@ -282,17 +242,11 @@ fn cuts_and_zero_length_transitions_act_at_once() {
         settings(0, 2),
         "t = 0 on the frame of the change"
     );
-    // Immediate in one direction only.
-    let falls =
-        TransitionTimes { rise: Duration::from_millis(2000), fall: Duration::from_millis(0) };
-    filter.resume_from(settings(0, 2));
-    assert_eq!(filter.step(&space(), settings(2, 0), 0.0, falls), settings(0, 0));
-    assert_eq!(filter.step(&space(), settings(2, 0), 2.0, falls), settings(2, 0));
 }
 
 #[test]
 fn extreme_steps_are_safe() {
-    let never = TransitionTimes::both(Duration::MAX);
+    let never = Duration::MAX;
     let mut filter = started(settings(0, 0));
     filter.step(&space(), settings(4, 2), 0.0, TWO);
     for delta in [f64::NAN, -5.0, f64::NEG_INFINITY, 0.0] {
@@ -313,7 +267,7 @@ fn extreme_steps_are_safe() {
         "and breaks nothing"
     );
     // The shortest possible transition.
-    let least = TransitionTimes::both(Duration::from_nanos(1));
+    let least = Duration::from_nanos(1);
     assert_eq!(filter.step(&space(), settings(3, 1), 0.0, least), settings(4, 2));
     assert_eq!(filter.step(&space(), settings(3, 1), 1.0, least), settings(3, 1));
     filter.resume_from(settings(3, 1));
@@ -349,20 +303,17 @@ fn any_time() -> impl Strategy<Value = Duration> {
     ]
 }
 
-fn usual_times() -> impl Strategy<Value = TransitionTimes> {
-    (0.1..4.0, 0.1..4.0).prop_map(|(rise, fall)| TransitionTimes {
-        rise: Duration::from_secs_f64(rise),
-        fall: Duration::from_secs_f64(fall),
-    })
+fn usual_time() -> impl Strategy<Value = Duration> {
+    (0.1..4.0).prop_map(Duration::from_secs_f64)
 }
 
 /// A filter after any sequence of steps.
 fn mid_transition() -> impl Strategy<Value = SettingsFilter> {
-    (usual_times(), prop::collection::vec((any::<u128>(), 0.0..0.5), 1..20)).prop_map(
-        |(times, steps)| {
+    (usual_time(), prop::collection::vec((any::<u128>(), 0.0..0.5), 1..20)).prop_map(
+        |(time, steps)| {
             let mut filter = SettingsFilter::default();
             for (bits, delta) in steps {
-                filter.step(&long_space(), KnobLevels::from_bits(bits), delta, times);
+                filter.step(&long_space(), KnobLevels::from_bits(bits), delta, time);
             }
             filter
         },
@@ -372,17 +323,17 @@ fn mid_transition() -> impl Strategy<Value = SettingsFilter> {
 proptest! {
     #[test]
     fn every_step_returns_settings_of_the_space(
-        steps in prop::collection::vec((any::<u128>(), any_seconds(), any_time(), any_time(), any::<bool>()), 0..50),
+        steps in prop::collection::vec((any::<u128>(), any_seconds(), any_time(), any::<bool>()), 0..50),
     ) {
         let mut filter = SettingsFilter::default();
-        for (bits, delta, rise, fall, cut) in steps {
+        for (bits, delta, time, cut) in steps {
             if cut && bits % 3 == 0 {
                 filter.cut();
             } else if bits % 7 == 0 {
                 filter.resume_from(KnobLevels::from_bits(!bits));
             }
             let space = if bits % 5 == 0 { long_space() } else { space() };
-            let given = filter.step(&space, KnobLevels::from_bits(bits), delta, TransitionTimes { rise, fall });
+            let given = filter.step(&space, KnobLevels::from_bits(bits), delta, time);
             prop_assert!(space.contains(given));
             prop_assert_eq!(given, filter.applied());
             for transition in &filter.transitions {
@@ -394,22 +345,22 @@ proptest! {
     #[test]
     fn a_knob_enters_its_targets_range_in_time_and_stays_inside(
         mut filter in mid_transition(),
-        times in usual_times(),
+        time in usual_time(),
         targets in prop::collection::vec((any::<u128>(), 0.0..0.2, 1_usize..9), 1..100),
         low in 0_usize..16,
         width in 0_usize..4,
     ) {
         let space = long_space();
         let high = (low + width).min(15);
-        let longest = times.rise.max(times.fall).as_secs_f64();
+        let longest = time.as_secs_f64();
         let target = |bits: u128| space.from_levels(|knob, _| low + bits as usize / (1 + 99 * knob) % (high - low + 1));
         // t = 0: this step belongs to the previous target.
-        filter.step(&space, target(targets[0].0), 0.3, times);
+        filter.step(&space, target(targets[0].0), 0.3, time);
         let mut elapsed = 0.0;
         let mut inside = [false; 2];
         for (bits, delta, frames) in targets {
             for _ in 0..frames {
-                let given = filter.step(&space, target(bits), delta, times);
+                let given = filter.step(&space, target(bits), delta, time);
                 elapsed += delta;
                 for (knob, inside) in inside.iter_mut().enumerate() {
                     let highest = space.knobs()[knob].levels.len() - 1;
@@ -425,16 +376,16 @@ proptest! {
     #[test]
     fn a_constant_target_is_approached_monotonically(
         mut filter in mid_transition(),
-        times in usual_times(),
+        time in usual_time(),
         bits in any::<u128>(),
         deltas in prop::collection::vec(0.0..0.2, 1..100),
     ) {
         let space = long_space();
         let target = space.from_levels(|knob, _| KnobLevels::from_bits(bits).level(knob));
-        filter.step(&space, target, 0.0, times);
+        filter.step(&space, target, 0.0, time);
         for delta in deltas {
             let before = filter.clone();
-            let given = filter.step(&space, target, delta, times);
+            let given = filter.step(&space, target, delta, time);
             for knob in 0..2 {
                 let (was, is, to) = (before.applied.level(knob), given.level(knob), target.level(knob));
                 prop_assert!((was..=to).contains(&is) || (to..=was).contains(&is), "{was}, {is}, to {to}");

@@ -22,7 +22,7 @@ mod observed;
 mod rate;
 
 pub use bounds::{BoundedFrontier, KnobBounds};
-pub use budget::{Budget, BudgetError, ControlSettings, Limit, TransitionTimes};
+pub use budget::{Budget, BudgetError, ControlSettings, Limit};
 pub use choose::{Choice, Outcome, select};
 pub use controller::{CameraController, Decisions, Inputs};
 pub use correction::{PowerCorrection, PowerModel};

@@ -227,10 +227,9 @@ impl<'a> Trial<'a> {
         let filtered = |oracle: &Oracle| {
             let mut oracle = oracle.clone();
             let mut filter = SettingsFilter::default();
-            let times = self.control.times(&budget.limits());
             let mut through = move |frame: usize, dt: f64, pose: &Pose| {
                 let target = oracle.decide(frame, dt, pose).settings;
-                let settings = filter.step(&record.space, target, dt, times);
+                let settings = filter.step(&record.space, target, dt, self.control.transition);
                 Choice { settings, target, predicted: None }
             };
             record.simulate_for(&mut through, 0.0)

@@ -6,7 +6,6 @@
 mod clock;
 mod extent;
 mod finish;
-mod modelled;
 mod pilots;
 mod renderings;
 #[cfg(test)]
@@ -24,9 +23,8 @@ use crate::pool::{Screening, portfolio, propose, screening_settings};
 use crate::table::{CostTable, Measure};
 
 pub use extent::Extent;
-use finish::finish;
 pub use finish::map_of;
-use modelled::{modelled, readings};
+use finish::{finish, modelled, readings};
 use renderings::{Job, Purpose, Renderings};
 pub use renderings::{Progress, Setup};
 
