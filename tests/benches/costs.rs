@@ -11,11 +11,13 @@ use std::time::Duration;
 use bevy::MinimalPlugins;
 use bevy::app::App;
 use bevy::asset::{AssetPlugin, Assets};
+use bevy::light::{FogVolume, VolumetricFog};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::{GlobalTransform, Transform};
 use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, select};
 use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierMapPlugin, FrontierStore};
 use bevy_frugal_gi::knobs::{Knob, KnobSpace};
+use bevy_frugal_gi::prelude::FrugalGi;
 use bevy_frugal_gi::units::Watts;
 use criterion::{Criterion, criterion_group, criterion_main};
 use frugal_tests::{map, meshes, set};
@@ -128,9 +130,36 @@ fn memory(_: &mut Criterion) {
     }
 }
 
+/// A frame of a moving camera in fog, without and with indirect light in it.
+fn fog(criterion: &mut Criterion) {
+    if frugal::stage::adapter().is_none() {
+        println!("no graphics adapter: fog is not measured");
+        return;
+    }
+    for is_lit in [false, true] {
+        let mut stage = set::open(&set::scene("two_rooms"), set::options(640, 360));
+        let camera = set::camera(&mut stage);
+        let world = stage.world_mut();
+        world.spawn((FogVolume::default(), Transform::from_scale(Vec3::splat(40.0))));
+        world.entity_mut(camera).insert(VolumetricFog::default());
+        world.get_mut::<FrugalGi>(camera).expect("GI").fog = is_lit;
+        set::apply(&mut stage, "default");
+        let mut step = 0.0;
+        let mut frame = || {
+            step += 0.01;
+            let eye = Vec3::new(-0.8 + f32::sin(step), 1.7, 2.0);
+            set::look(&mut stage, eye, Vec3::new(-3.2, 1.0, -1.6));
+            stage.frame();
+        };
+        (0..30).for_each(|_| frame());
+        let name = format!("frame in fog, 640x360, indirect light in it: {is_lit}");
+        criterion.bench_function(&name, |bencher| bencher.iter(&mut frame));
+    }
+}
+
 criterion_group! {
     name = costs;
     config = Criterion::default().warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
-    targets = controller, metric, memory
+    targets = controller, metric, memory, fog
 }
 criterion_main!(costs);
