@@ -66,5 +66,7 @@ pub mod media;
 pub mod metrics;
 mod sampler;
 pub mod scene;
+#[cfg(test)]
+mod testing;
 #[cfg(feature = "time")]
 pub mod time;

@@ -83,6 +83,7 @@ fn unit(bits: u32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{COUNT, Fit, fit_square};
 
     fn pairs(seed: u64, pixel: u64, dimension: usize, count: u32) -> Vec<[f64; 2]> {
         let pair_of = |sample| {
@@ -148,5 +149,55 @@ mod tests {
     fn numbers_are_below_one() {
         assert!(unit(u32::MAX) < 1.0 && unit(0) == 0.0);
         assert_eq!(pairs(1, 2, 3, 16), pairs(1, 2, 3, 16));
+    }
+
+    #[test]
+    fn numbers_are_uniform_in_pairs_and_between_them() {
+        type Numbers = fn(&mut Sampler) -> [f64; 2];
+        let cases: [(&str, Numbers); 4] = [
+            ("a pair", Sampler::pair),
+            ("the third pair", |sampler| [sampler.pair(), sampler.pair(), sampler.pair()][2]),
+            ("two numbers", |sampler| [sampler.number(), sampler.number()]),
+            ("seconds of two pairs", |sampler| [sampler.pair()[1], sampler.pair()[1]]),
+        ];
+        for (name, numbers) in cases {
+            let fit = fit_square([16, 16], |sampler| Some(numbers(sampler)), |_| 1.0);
+            fit.assert(name);
+        }
+        let mut neighbours = [0.0; 256];
+        let number = |seed, pixel, sample| Sampler::new(seed, pixel, sample).number();
+        for pixel in 0..COUNT {
+            let [u, v] = [number(3, 2 * pixel, 0), number(3, 2 * pixel + 1, 0)];
+            neighbours[(u * 16.0) as usize * 16 + (v * 16.0) as usize] += 1.0;
+        }
+        Fit::new(&neighbours, &[COUNT as f64 / 256.0; 256]).assert("two pixels");
+        // A sample's number in every pixel, and the first one by seed.
+        for name in ["sample 5 of pixels", "seeds"] {
+            let mut observed = [0.0; 64];
+            for i in 0..COUNT {
+                let number = if name == "seeds" { number(i, 0, 0) } else { number(3, i, 5) };
+                observed[(number * 64.0) as usize] += 1.0;
+            }
+            Fit::new(&observed, &[COUNT as f64 / 64.0; 64]).assert(name);
+        }
+    }
+
+    #[test]
+    fn picks_are_in_proportion_to_weights() {
+        let weights = [0.0, 1.0, 3.0, 0.0, 0.5, 1e-3, 2.0, 0.0];
+        let cumulative: Vec<f64> = weights
+            .iter()
+            .scan(0.0, |sum, weight| {
+                *sum += weight;
+                Some(*sum)
+            })
+            .collect();
+        let mut observed = [0.0; 8];
+        for i in 0..COUNT {
+            let index = pick(&cumulative, Sampler::new(3, i, 0).number()).unwrap();
+            assert!(weights[index] > 0.0, "{index} has no weight");
+            observed[index] += 1.0;
+        }
+        Fit::new(&observed, &weights.map(|weight| weight / 6.501 * COUNT as f64)).assert("picks");
     }
 }

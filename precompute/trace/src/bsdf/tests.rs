@@ -2,6 +2,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
 use crate::scene::SceneMaterial;
+use crate::testing::fit_directions;
 
 /// A level surface of the material's own values.
 fn surface(material: &SceneMaterial) -> Surface<'_> {
@@ -209,6 +210,47 @@ fn a_bent_normal_neither_leaks_nor_breaks() {
                     "light from below at {angle}"
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn sampled_directions_have_their_density() {
+    let material = |perceptual_roughness, metallic, reflectance| SceneMaterial {
+        perceptual_roughness,
+        metallic,
+        reflectance,
+        base_color: [0.9, 0.6, 0.2, 1.0],
+        ..SceneMaterial::default()
+    };
+    let check = |name: &str, material: &SceneMaterial, normal: DVec3, view: f64, shading| {
+        let (sine, cosine) = view.to_radians().sin_cos();
+        let view = DVec3::new(sine * 0.6, cosine, sine * 0.8);
+        let bsdf = Bsdf::new(&Surface { normal, ..surface(material) }, view, shading);
+        let mirrored = normal * (2.0 * view.dot(normal)) - view;
+        // Rings as narrow as the lobe.
+        let focus = if material.perceptual_roughness < 0.3 { 8 } else { 2 };
+        let sample = |sampler: &mut Sampler| bsdf.sample(sampler).map(|sample| sample.direction);
+        let fit = fit_directions((mirrored, focus), sample, |to| bsdf.evaluate(to).1);
+        fit.assert(&format!("{name} at {}°", view.angle_between(normal).to_degrees().round()));
+    };
+    for view in [0.0, 45.0, 75.0, 89.0] {
+        let standard = |name: &str, material: SceneMaterial| {
+            check(name, &material, DVec3::Y, view, Shading::Standard);
+        };
+        check("lambertian", &material(0.3, 0.0, 0.5), DVec3::Y, view, Shading::Lambertian);
+        standard("diffuse", material(0.6, 0.0, 0.0));
+        standard("dielectric", material(0.3, 0.0, 0.5));
+        standard("mixed, smooth", material(0.2, 0.5, 0.5));
+        standard("mixed, rough", material(0.7, 0.5, 1.0));
+        for roughness in [0.0, 0.2, 0.4, 0.7, 1.0] {
+            standard(&format!("metal {roughness}"), material(roughness, 1.0, 0.5));
+        }
+    }
+    for bend in [20.0, 60.0_f64] {
+        let normal = DVec3::new(-bend.to_radians().sin(), bend.to_radians().cos(), 0.0);
+        for view in [30.0, 80.0] {
+            check("bent normal", &material(0.5, 0.5, 0.5), normal, view, Shading::Standard);
         }
     }
 }

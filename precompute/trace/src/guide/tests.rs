@@ -1,12 +1,11 @@
 //! Samplers against their densities, and what is learned against what was there.
 
-use std::f64::consts::PI;
-
 use glam::{DVec3, Vec3};
 
 use super::sources::Sources;
 use super::*;
 use crate::sampler::Sampler;
+use crate::testing::fit_edges;
 
 /// Photons that arrive around `place`, on a surface that faces up, from `source`.
 pub(super) fn photons(
@@ -60,51 +59,16 @@ fn field(mut photons: Vec<Photon>) -> Tree {
     Tree::learn(&mut photons)
 }
 
-/// Chi-square of sampled directions against the density, over a grid of equal solid angles; `fine`²
-/// points a cell integrate the density.
-pub(super) fn assert_chi_square(aims: &Aims, fine: usize) {
-    let (columns, rows, count) = (24, 16, 1 << 16);
-    let cell = |direction: DVec3| {
-        let turn = (direction.z.atan2(direction.x) / (2.0 * PI)).rem_euclid(1.0);
-        let height = 0.5 * (1.0 + direction.y);
-        let index = |value: f64, count: usize| ((value * count as f64) as usize).min(count - 1);
-        index(height, rows) * columns + index(turn, columns)
+/// Chi-square of sampled directions, and of the share that they take, against the density; cells
+/// are the finer near `axis` the greater `focus` is.
+#[track_caller]
+pub(super) fn assert_chi_square(aims: &Aims, (axis, focus): (DVec3, i32)) {
+    let sample = |sampler: &mut Sampler| {
+        let choice = sampler.number();
+        (choice < aims.share()).then(|| aims.sample(choice, sampler.pair()))
     };
-    let mut observed = vec![0.0; columns * rows];
-    for i in 0..count {
-        // One sample a pixel: stratified ones would fit too well.
-        let mut sampler = Sampler::new(11, i, 0);
-        let direction = aims.sample(sampler.number() * aims.share(), sampler.pair());
-        assert!((direction.length() - 1.0).abs() < 1e-9);
-        assert!(aims.density(direction) > 0.0, "a direction that is sampled has a density");
-        observed[cell(direction)] += 1.0;
-    }
-    let mut expected = vec![0.0; columns * rows];
-    let (width, height) = (columns * fine, rows * fine);
-    for i in 0..width * height {
-        let y = 2.0 * ((i / width) as f64 + 0.5) / height as f64 - 1.0;
-        let turn = ((i % width) as f64 + 0.5) / width as f64;
-        let direction = around(DVec3::Y, y, 0.0);
-        let radius = (1.0 - direction.y * direction.y).max(0.0).sqrt();
-        let (sine, cosine) = (turn * 2.0 * PI).sin_cos();
-        let direction = DVec3::new(radius * cosine, y, radius * sine);
-        expected[cell(direction)] += aims.density(direction) * 4.0 * PI / (width * height) as f64;
-    }
-    let integral: f64 = expected.iter().sum();
-    assert!((integral / aims.share() - 1.0).abs() < 0.01, "{integral} of {}", aims.share());
-    let (mut statistic, mut freedom) = (0.0, -1.0);
-    for (observed, expected) in observed.iter().zip(&expected) {
-        let expected = expected / integral * count as f64;
-        if expected > 20.0 {
-            statistic += (observed - expected).powi(2) / expected;
-            freedom += 1.0;
-        } else {
-            assert!(*observed < 60.0, "{observed} where {expected} are expected");
-        }
-    }
-    // Mean and standard deviation of a chi-square distribution; the grid's own error adds a little.
-    let excess = (statistic - freedom) / (2.0_f64 * freedom.max(1.0)).sqrt();
-    assert!(excess < 6.0, "chi-square {statistic} with {freedom} degrees of freedom");
+    let fit = fit_edges((axis.normalize(), focus), 240, sample, |to| aims.density(to));
+    fit.assert(&format!("{:.2} of paths", aims.share()));
 }
 
 #[test]
@@ -113,7 +77,10 @@ fn sampled_directions_follow_their_density() {
     let sources = field.at(DVec3::ZERO, DVec3::Y).expect("light from patches");
     // From where it was learned, from beside it, and from near a patch: wider cones.
     for position in [DVec3::ZERO, DVec3::new(0.4, 0.0, 0.3), DVec3::new(0.9, 1.6, 0.0)] {
-        assert_chi_square(&Aims::Cones(sources.seen_from(position)), 96);
+        let cones = Aims::Cones(sources.seen_from(position));
+        for patch in [DVec3::new(1.0, 2.0, 0.0), DVec3::new(-20.0, 9.0, 4.0)] {
+            assert_chi_square(&cones, (patch - position, 3));
+        }
     }
 }
 
@@ -157,7 +124,7 @@ fn a_few_photons_aim_at_what_many_show() {
     let striking = Sources::striking(&mut many);
     let learned = Sources::learn(&mut lambertian(100), striking.as_ref()).expect("the disc");
     let cones = Aims::Cones(learned.seen_from(DVec3::new(0.3, 0.0, 0.2)));
-    assert_chi_square(&cones, 96);
+    assert_chi_square(&cones, (DVec3::new(0.4, 2.5, -0.5), 3));
     for i in 0..256 {
         let point = small(Sampler::new(5, i, 0).pair()).as_dvec3();
         let density = cones.density((point - DVec3::new(0.3, 0.0, 0.2)).normalize());

@@ -231,3 +231,7 @@ impl<'a> Scatter<'a> {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "walk_tests.rs"]
+mod tests;

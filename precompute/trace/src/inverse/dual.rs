@@ -180,7 +180,7 @@ fn greatest_square(patterns: &Patterns) -> Result<f64, InverseError> {
 }
 
 /// Box and Muller 1958.
-fn gaussian(sampler: &mut Sampler) -> f64 {
+pub(super) fn gaussian(sampler: &mut Sampler) -> f64 {
     let [radius, angle] = sampler.pair();
     (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * angle).cos()
 }

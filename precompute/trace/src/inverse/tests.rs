@@ -1,10 +1,10 @@
 //! Reciprocity of the tracer, recovery of dual images, and of sources.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3, Quat, UVec2, Vec3};
 
-use super::dual::Haar;
+use super::dual::{Haar, gaussian};
 use super::*;
 use crate::bsdf::Shading;
 use crate::integrator::{ReferenceScene, Settings, View, Watch, render};
@@ -12,6 +12,7 @@ use crate::light::{Light, Sky};
 use crate::sampler::Sampler;
 use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
+use crate::testing::fit_square;
 
 /// A room with a red wall and a glossy block.
 fn room(lights: &[Light]) -> ReferenceScene {
@@ -377,4 +378,16 @@ fn extremes_are_errors_or_finite() {
     let below = Source { position: DVec3::NEG_Z, normal: DVec3::Z, flux: 1.0 };
     assert_eq!(below.lux(DVec2::ZERO), 0.0);
     assert_eq!(Source { position: DVec3::ZERO, ..below }.lux(DVec2::ZERO), 0.0);
+}
+
+#[test]
+fn noise_is_gaussian() {
+    // All but one in a million are within five standard deviations.
+    let sample =
+        |sampler: &mut Sampler| Some([(0.1 * gaussian(sampler) + 0.5).clamp(0.0, 1.0), 0.0]);
+    let density = |[u, _]: [f64; 2]| {
+        let x = 10.0 * u - 5.0;
+        10.0 * (-0.5 * x * x).exp() / TAU.sqrt()
+    };
+    fit_square([64, 1], sample, density).assert("noise");
 }

@@ -145,6 +145,7 @@ fn solid_angle(row: usize, width: u32, height: u32) -> f64 {
 mod tests {
     use super::*;
     use crate::sampler::Sampler;
+    use crate::testing::fit_directions;
 
     fn uneven() -> Sky {
         let texels = (0..16 * 8)
@@ -186,6 +187,21 @@ mod tests {
             (sky.density(sample.direction) - sample.density).abs() > 1e-9
         });
         assert!(edges.count() < count as usize / 1000);
+    }
+
+    #[test]
+    fn sampled_directions_have_their_density() {
+        let sample = |sky: &Sky, sampler: &mut Sampler| {
+            sky.sample(sampler.number(), sampler.pair()).map(|sample| sample.direction)
+        };
+        let sun = |i| if i == 37 { [900.0, 800.0, 700.0] } else { [1.0, 2.0, 3.0] };
+        let sunny = Sky::map(SkyMap::new(16, 8, (0..128).map(sun).collect()).unwrap(), 3.0);
+        for (name, sky) in [("uneven sky", &uneven()), ("sunny sky", &sunny)] {
+            for axis in [DVec3::Y, DVec3::new(0.48, 0.6, -0.64)] {
+                let fit = fit_directions((axis, 1), |it| sample(sky, it), |to| sky.density(to));
+                fit.assert(name);
+            }
+        }
     }
 
     #[test]

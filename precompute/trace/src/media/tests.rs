@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::*;
 use crate::sampler::Sampler;
 use crate::scene::Bounds;
+use crate::testing::{Fit, fit_directions};
 
 fn fog(absorption: f32, scattering: f32) -> Fog {
     Fog {
@@ -15,21 +16,6 @@ fn fog(absorption: f32, scattering: f32) -> Fog {
         asymmetry: 0.0,
         bounds: Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) },
     }
-}
-
-/// Chi-square of `count` samples in equal cells against the expected number of each; fails in one
-/// of 10⁵ runs if they agree.
-fn assert_chi_square(observed: &[f64], expected: &[f64]) {
-    let cells = observed.iter().zip(expected).filter(|(_, expected)| **expected > 5.0);
-    let (mut sum, mut degrees) = (0.0, -1.0);
-    for (observed, expected) in cells {
-        sum += (observed - expected).powi(2) / expected;
-        degrees += 1.0;
-    }
-    // Wilson and Hilferty's approximation of the quantile.
-    let spread: f64 = 2.0 / (9.0 * degrees);
-    let limit = degrees * (1.0 - spread + 4.26 * spread.sqrt()).powi(3);
-    assert!(degrees > 10.0 && sum < limit, "{sum} of {degrees}, at most {limit}");
 }
 
 #[test]
@@ -52,30 +38,15 @@ fn the_phase_function_is_normalised_and_its_mean_cosine_is_the_asymmetry() {
 #[test]
 fn sampled_directions_have_the_density_of_the_phase_function() {
     let axis = DVec3::new(0.6, -0.48, 0.64);
-    let (right, up) = axis.any_orthonormal_pair();
-    for asymmetry in [-0.6, 0.0, 0.7] {
-        let (rows, columns, count) = (24, 8, 1 << 16);
-        let mut observed = vec![0.0; rows * columns];
-        let mut expected = vec![0.0; rows * columns];
-        for i in 0..count {
-            let mut sampler = Sampler::new(3, i, 0);
-            let direction = sample(asymmetry, axis, sampler.pair());
-            assert!((direction.length() - 1.0).abs() < 1e-12);
-            let row = (0.5 * (1.0 + direction.dot(axis)) * rows as f64) as usize;
-            let turn = direction.dot(right).atan2(direction.dot(up)) / TAU + 0.5;
-            let column = (turn * columns as f64) as usize;
-            observed[row.min(rows - 1) * columns + column.min(columns - 1)] += 1.0;
-        }
-        for (cell, expected) in expected.iter_mut().enumerate() {
-            let steps = 64;
-            let row = (cell / columns) as f64;
-            for step in 0..steps {
-                let height = (row + (f64::from(step) + 0.5) / f64::from(steps)) / rows as f64;
-                let share = 4.0 * PI / (rows * columns) as f64 / f64::from(steps);
-                *expected += density(asymmetry, 2.0 * height - 1.0) * share * count as f64;
-            }
-        }
-        assert_chi_square(&observed, &expected);
+    for (asymmetry, focus) in
+        [(-0.99, 6), (-0.6, 2), (0.0, 1), (5e-5, 1), (2e-4, 1), (0.7, 2), (0.95, 4), (0.99, 6)]
+    {
+        let fit = fit_directions(
+            (axis * 1.0_f64.copysign(asymmetry), focus),
+            |sampler| Some(sample(asymmetry, axis, sampler.pair())),
+            |direction| density(asymmetry, direction.dot(axis)),
+        );
+        fit.assert(&format!("asymmetry {asymmetry}"));
     }
 }
 
@@ -89,34 +60,38 @@ fn sampled_distances_have_their_densities() {
     let far = Equiangular::new(&line, Some(DVec3::splat(1e14)));
     assert!(matches!(far, Equiangular::Uniform { .. }));
     let (cells, count) = (40, 1 << 16);
-    let check = |sample: &dyn Fn(&mut Sampler) -> Option<f64>, density: &dyn Fn(f64) -> f64| {
-        let mut observed = vec![0.0; cells + 1];
-        for i in 0..count {
-            let distance = sample(&mut Sampler::new(5, i, 0));
-            let cell = distance.map_or(cells, |distance| {
-                (((distance - 2.0) / 2.0 * cells as f64) as usize).min(cells - 1)
-            });
-            observed[cell] += 1.0;
-        }
-        let mut expected: Vec<f64> = (0..cells)
-            .map(|cell| {
-                let at = |step: i32| {
-                    2.0 + 2.0 * (cell as f64 + (f64::from(step) + 0.5) / 64.0) / cells as f64
-                };
-                (0..64).map(|step| density(at(step))).sum::<f64>() * 2.0 / 64.0 / cells as f64
-            })
-            .collect();
-        expected.push(1.0 - expected.iter().sum::<f64>());
-        expected.iter_mut().for_each(|expected| *expected *= count as f64);
-        assert_chi_square(&observed, &expected);
-        expected[cells] / count as f64
-    };
-    let through = check(&|sampler| line.sample(sampler.pair()), &|distance| line.density(distance));
+    let check =
+        |name: &str, sample: &dyn Fn(&mut Sampler) -> Option<f64>, density: &dyn Fn(f64) -> f64| {
+            let mut observed = vec![0.0; cells + 1];
+            for i in 0..count {
+                let distance = sample(&mut Sampler::new(5, i, 0));
+                let cell = distance.map_or(cells, |distance| {
+                    (((distance - 2.0) / 2.0 * cells as f64) as usize).min(cells - 1)
+                });
+                observed[cell] += 1.0;
+            }
+            let mut expected: Vec<f64> = (0..cells)
+                .map(|cell| {
+                    let at = |step: i32| {
+                        2.0 + 2.0 * (cell as f64 + (f64::from(step) + 0.5) / 64.0) / cells as f64
+                    };
+                    (0..64).map(|step| density(at(step))).sum::<f64>() * 2.0 / 64.0 / cells as f64
+                })
+                .collect();
+            expected.push(1.0 - expected.iter().sum::<f64>());
+            expected.iter_mut().for_each(|expected| *expected *= count as f64);
+            Fit::new(&observed, &expected).assert(name);
+            expected[cells] / count as f64
+        };
+    let through = check("by transmittance", &|sampler| line.sample(sampler.pair()), &|distance| {
+        line.density(distance)
+    });
     assert!((through - line.survival()).abs() < 1e-4, "{through}");
     for distances in [point, outside, far] {
-        let through = check(&|sampler| Some(distances.sample(sampler.number())), &|distance| {
-            distances.density(distance)
-        });
+        let through =
+            check("by angle", &|sampler| Some(distances.sample(sampler.number())), &|distance| {
+                distances.density(distance)
+            });
         assert!(through.abs() < 1e-4, "{distances:?}: {through}");
     }
 }

@@ -10,6 +10,7 @@ use crate::integrator::{ReferenceScene, Settings, View, Watch, render};
 use crate::light::{Light, Sky};
 use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
+use crate::testing::fit_square;
 
 /// A box of 2 × 1.6 × 3 m seen from inside, scaled, with a lamp of a triangle mesh if `lit`.
 fn room(scale: f32, lit: bool) -> ReferenceScene {
@@ -289,6 +290,45 @@ fn distances_are_uniform_in_time() {
     assert_eq!(sample_distance(light, direction, [3.0, 3.0], 0.5), None);
     assert_eq!(sample_distance(light, DVec3::NAN, [0.0, 9.0], 0.5), None);
     assert!(sample_distance(DVec3::ZERO, direction, [0.0, 4.0], 0.5).is_some());
+}
+
+#[test]
+fn sampled_distances_and_angles_have_their_densities() {
+    let (light, direction) = (DVec3::new(0.7, 0.2, -1.5), DVec3::new(0.1, 0.0, -1.0).normalize());
+    let (from, to) = (light.length() + 0.1, 6.0);
+    let [nearest, farthest] =
+        [0.0, 1.0].map(|x| sample_distance(light, direction, [from, to], x).unwrap().0);
+    let span = farthest - nearest;
+    let fit = fit_square(
+        [64, 1],
+        |sampler| {
+            let x = sampler.number();
+            let (distance, _) = sample_distance(light, direction, [from, to], x)?;
+            Some([(distance - nearest) / span, 0.0])
+        },
+        |[share, _]| {
+            let distance = nearest + share * span;
+            let way = distance + (light - direction * distance).length();
+            let x = (way - from) / (to - from);
+            sample_distance(light, direction, [from, to], x).map_or(0.0, |(_, density)| density)
+                * span
+        },
+    );
+    fit.assert("distances");
+    for (step, sensor) in [(0.25_f64, 1.0_f64), (0.9, 1.0), (1.0, 1.0), (3.0, 1.0)] {
+        let sample = |x| sample_angle(step, sensor, x);
+        let fit = fit_square(
+            [64, 1],
+            |sampler| Some([0.5 - 0.5 * sample(sampler.number())?.cosine, 0.0]),
+            |[height, _]| {
+                let cosine = 1.0 - 2.0 * height;
+                let rest = (step * step + sensor * sensor - 2.0 * step * sensor * cosine).sqrt();
+                let x = (rest - (step - sensor).abs()) / (2.0 * step.min(sensor));
+                sample(x).map_or(0.0, |sample| sample.density * 4.0 * PI)
+            },
+        );
+        fit.assert(&format!("angles of steps of {step}"));
+    }
 }
 
 #[test]

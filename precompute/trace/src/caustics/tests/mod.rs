@@ -10,6 +10,7 @@ use crate::light::{Light, Sky};
 use crate::metrics::Radiance;
 use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
+use crate::testing::fit_directions;
 
 fn matte(albedo: f32) -> SceneMaterial {
     SceneMaterial {
@@ -227,4 +228,32 @@ fn unit(x: f64, y: f64, z: f64) -> Vec3 {
 
 fn at(place: Vec2) -> Vec3 {
     Vec3::new(place.x, 0.0, place.y)
+}
+
+#[test]
+fn sampled_parts_and_directions_have_their_densities() {
+    let polished = SceneMaterial { metallic: 0.5, perceptual_roughness: 0.25, ..matte(0.9) };
+    let floor = scene(&[(polished, |builder| square(builder, 2.0, 0.0))], &[], Sky::Black);
+    let caustics = Caustics { photons: 1, roughness: 0.3, density: Density::Nearest { count: 1 } };
+    let settings = Settings::default();
+    let split = Split { scene: &floor, settings: &settings, caustics: &caustics };
+    let direction = DVec3::new(0.48, -0.8, 0.36);
+    let reflector = split.closest((-direction).as_vec3(), direction).expect("the floor");
+    for is_specular in [false, true] {
+        let fit = fit_directions(
+            (direction.with_y(0.8), 4),
+            |sampler| {
+                let reflected = reflector.sample(sampler)?;
+                (reflected.is_specular == is_specular).then_some(reflected.direction)
+            },
+            |to| {
+                reflector.lobes(to).map_or(0.0, |lobes| {
+                    let [specular, diffuse] = [lobes.specular, lobes.diffuse].map(luminance);
+                    let own = if is_specular { specular } else { diffuse };
+                    lobes.density * own / (specular + diffuse)
+                })
+            },
+        );
+        fit.assert(if is_specular { "specular part" } else { "diffuse part" });
+    }
 }

@@ -4,6 +4,7 @@ mod energy;
 mod extended;
 mod guiding;
 mod robustness;
+mod sampling;
 mod textures;
 mod visibility;
 
