@@ -107,7 +107,7 @@ fn turn(time: Res<Time>, mut turning: Single<&mut Transform, With<Turning>>) {
 
 /// Frames after which the faults come: while the level is made, or, of those that come once, while it
 /// is measured.
-const FRAMES: [u32; 2] = [3, 400];
+const FRAMES: [u32; 2] = [3, 200];
 
 fn misbehave(fault: Res<Fault>, mut frames: Local<u32>, mut exit: MessageWriter<AppExit>) {
     *frames += 1;
