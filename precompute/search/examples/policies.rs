@@ -106,9 +106,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let records = read_records(&arguments.folder)?;
     let (mut powers, mut errors, mut seeds) = (Vec::new(), Vec::new(), Vec::new());
     for (record, map) in &records {
-        let before = powers.len();
-        print(record, map, &mut powers, &mut errors)?;
-        seeds.push(SeedRow::new(map.seed, &powers[before..]));
+        seeds.push(print(record, map, &mut powers, &mut errors)?);
     }
     let mut others: Vec<_> = std::fs::read_dir(&arguments.folder)?
         .map(|entry| Ok(entry?.path()))
@@ -117,9 +115,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     others.sort();
     for folder in others {
         for (record, map) in &read_records(&folder)? {
-            let mut powers = Vec::new();
-            print(record, map, &mut powers, &mut Vec::new())?;
-            seeds.push(SeedRow::new(map.seed, &powers));
+            seeds.push(print(record, map, &mut Vec::new(), &mut Vec::new())?);
         }
     }
     if let Some(file) = arguments.json {
@@ -133,13 +129,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Prints what becomes of a path, and adds a row for each budget.
+/// Prints what becomes of a path, and adds a row for each budget. Returns the medians.
 fn print(
     file: &RecordFile,
     map: &FrontierMap,
     powers: &mut Vec<PowerRow>,
     errors: &mut Vec<ErrorRow>,
-) -> Result<(), String> {
+) -> Result<SeedRow, String> {
     let record = file.record(&map.knobs)?;
     let trial = Trial {
         scene: &file.scene,
@@ -158,7 +154,7 @@ fn print(
         "budget  frugal trained  best   mixed  shared oracle reactive | of trained, way, used, over, switches/min"
     );
     let [low, high] = record.power_range();
-    let mut ratios = Vec::new();
+    let before = powers.len();
     for share in SHARES {
         let power = Some(PowerBudget::Share(share));
         let result = trial.judge(&BudgetRequest { power, ..Default::default() });
@@ -168,7 +164,6 @@ fn print(
         let ratio = ours.mean_error / error("trained-constant");
         let way =
             (error("best-constant") - ours.mean_error) / (error("best-constant") - error("oracle"));
-        ratios.push((ratio, way));
         let used = ours.mean_power_w.0 / limit;
         let over = ours.windows_over.unwrap_or(f64::NAN);
         let switches = 60.0 * ours.switches as f64 / (ours.series.len() as f64 / result.fps);
@@ -202,15 +197,11 @@ fn print(
             100.0 * way,
         );
     }
-    let median = |of: fn(&(f64, f64)) -> f64| {
-        let mut values: Vec<f64> = ratios[2..].iter().map(of).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
+    let medians = SeedRow::new(map.seed, &powers[before..]);
     println!(
         "median from 30 to 90 %: {:.2} of the trained constant's error, {:.0} % of the way",
-        median(|it| it.0),
-        100.0 * median(|it| it.1)
+        medians.trained,
+        100.0 * medians.way
     );
     println!("error budget  frugal W, error | trained W, error | oracle W");
     for error in ERRORS {
@@ -234,7 +225,7 @@ fn print(
             oracle.mean_power_w.0
         );
     }
-    Ok(())
+    Ok(medians)
 }
 
 fn run<'a>(result: &'a EvaluationResult, name: &str) -> &'a RunResult {

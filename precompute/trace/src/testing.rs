@@ -1,4 +1,5 @@
-//! Pearson's chi-square test of samples against the density that they are said to have.
+//! Means with their errors, and Pearson's chi-square test of samples against the density that they are
+//! said to have.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
@@ -15,6 +16,16 @@ const FINE: usize = 48;
 const LEAST_EXPECTED: f64 = 5.0;
 /// Least chance of a statistic as great as the one found. Seeds are fixed: no run fails by chance.
 const LEAST_CHANCE: f64 = 1e-4;
+
+/// Mean and its standard error.
+#[cfg(feature = "media")]
+pub(crate) fn statistics(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let values: Vec<f64> = values.collect();
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    (mean, (variance / (count - 1.0) / count).sqrt())
+}
 
 /// How well counts fit.
 #[derive(Clone, Copy, Debug)]

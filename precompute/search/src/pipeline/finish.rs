@@ -32,9 +32,8 @@ pub(super) fn finish<M: Measure>(
     let (costs, cost) = modelled(subject, &rendered, completion.as_ref());
     let calibration = table(Purpose::Calibration, counts[1]);
     let (training, rows) = Training::new(&costs, &cameras.training, &pool);
-    let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
-    let views: Vec<CameraView> =
-        used.iter().map(|camera| view_from(&camera.pose, subject.lens)).collect();
+    let view = |row: &usize| view_from(&cameras.training[*row].pose, subject.lens);
+    let views: Vec<CameraView> = rows.iter().map(view).collect();
     let fitted = fit(&training, &views, subject.bounds, config);
     let is_full = |row: usize| pool.iter().all(|one| rendered.get(row, *one).is_some());
     let evidence = (&costs, &rows[..], &is_full as &dyn Fn(usize) -> bool, &calibration);
@@ -48,7 +47,7 @@ pub(super) fn finish<M: Measure>(
         screening,
         cost_error: CostModel::cross_validated(&readings, subject.idle, 5),
         cost,
-        cameras: [used.len(), counts[1]],
+        cameras: [rows.len(), counts[1]],
         renderings: renderings.known.len(),
         effort: (renderings.clock.made, renderings.clock.seconds),
         training: costs.with_rows(&rows),

@@ -25,14 +25,17 @@ fn bsdf(material: &SceneMaterial, view_degrees: f64, shading: Shading) -> Bsdf {
     Bsdf::new(&surface, DVec3::new(angle.sin() * 0.6, angle.cos(), angle.sin() * 0.8), shading)
 }
 
-fn materials() -> Vec<SceneMaterial> {
-    let material = |perceptual_roughness, metallic, reflectance| SceneMaterial {
+fn material(perceptual_roughness: f32, metallic: f32, reflectance: f32) -> SceneMaterial {
+    SceneMaterial {
         perceptual_roughness,
         metallic,
         reflectance,
         base_color: [0.9, 0.6, 0.2, 1.0],
         ..SceneMaterial::default()
-    };
+    }
+}
+
+fn materials() -> Vec<SceneMaterial> {
     vec![
         material(0.25, 1.0, 0.5),
         material(0.5, 0.0, 0.5),
@@ -216,13 +219,6 @@ fn a_bent_normal_neither_leaks_nor_breaks() {
 
 #[test]
 fn sampled_directions_have_their_density() {
-    let material = |perceptual_roughness, metallic, reflectance| SceneMaterial {
-        perceptual_roughness,
-        metallic,
-        reflectance,
-        base_color: [0.9, 0.6, 0.2, 1.0],
-        ..SceneMaterial::default()
-    };
     let check = |name: &str, material: &SceneMaterial, normal: DVec3, view: f64, shading| {
         let (sine, cosine) = view.to_radians().sin_cos();
         let view = DVec3::new(sine * 0.6, cosine, sine * 0.8);

@@ -92,9 +92,7 @@ pub fn render(
     radius: f64,
     watch: Watch,
 ) -> Option<Radiance> {
-    let mut widths = radii(radius);
-    let radii = || widths.next().unwrap_or_default();
-    recorded(scene, view, settings, photons, radii, watch, &|| ()).map(|(image, _)| image)
+    recorded(scene, view, settings, photons, radii(radius), watch, &|| ()).map(|(image, _)| image)
 }
 
 /// Radii of the passes of an image without time.
@@ -113,7 +111,7 @@ pub(crate) fn recorded<R: Record + Send>(
     view: &View,
     settings: &Settings,
     photons: u32,
-    mut next_radius: impl FnMut() -> f64,
+    radii: impl Iterator<Item = f64>,
     watch: Watch,
     record: &dyn Fn() -> R,
 ) -> Option<(Radiance, Vec<R>)> {
@@ -128,8 +126,7 @@ pub(crate) fn recorded<R: Record + Send>(
             found.push(Beam::new(flight, line, eye));
         });
     };
-    for pass in 0..settings.samples {
-        let radius = next_radius();
+    for (pass, radius) in (0..settings.samples).zip(radii) {
         if !(radius > 0.0 && radius.is_finite()) {
             return None;
         }

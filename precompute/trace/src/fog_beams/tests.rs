@@ -10,6 +10,7 @@ use crate::integrator::{self, Pixels};
 use crate::light::{Light, Sky};
 use crate::scene::testing::MeshBuilder;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial};
+use crate::testing::statistics;
 
 fn fog(absorption: f32, scattering: f32) -> Fog {
     Fog {
@@ -75,15 +76,6 @@ fn once(samples: u32, seed: u64) -> Settings {
 
 fn image(scene: &ReferenceScene, view: &View, settings: &Settings, photons: u32) -> Radiance {
     render(scene, view, settings, photons, 0.1, Watch::default()).unwrap()
-}
-
-/// Mean and its standard error.
-fn statistics(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let values: Vec<f64> = values.collect();
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-    (mean, (variance / (count - 1.0) / count).sqrt())
 }
 
 /// ∫ T(t) σs p(cos) I/d² T(d) dt of the light through the middle of a view of one pixel, nits.

@@ -93,14 +93,11 @@ pub fn beams(
         return Err(TimeError::NoFog);
     }
     let film = || Passes { film: Film::new(window, spread), first: spread, pass: 0, width: 1.0 };
-    let (mut pass, mut steady) = (0, radii(radius));
-    let next = || {
-        let narrow = radius * narrowing(pass);
-        pass += 1;
-        let wide = steady.next().unwrap_or(narrow);
-        if spread == Spread::Bins { wide } else { narrow }
+    let radii: Box<dyn Iterator<Item = f64>> = match spread {
+        Spread::Bins => Box::new(radii(radius)),
+        Spread::Kernel(_) => Box::new((0..).map(|pass| radius * narrowing(pass))),
     };
-    let (image, films) = recorded(scene, view, settings, photons, next, watch, &film)
+    let (image, films) = recorded(scene, view, settings, photons, radii, watch, &film)
         .ok_or(TimeError::Interrupted)?;
     // A pass that is dropped is dark in both images.
     let films = films.into_iter().map(|passes| (settings.samples, passes.film));

@@ -11,10 +11,11 @@ use crate::light::{Light, Sky};
 use crate::media::{Fog, density};
 use crate::scene::testing::MeshBuilder;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneGeometry, SceneMaterial};
+use crate::testing::statistics;
 
-const LAMP: Vec3 = Vec3::new(0.2, 0.3, -0.1);
+const LIGHT: Vec3 = Vec3::new(0.2, 0.3, -0.1);
 
-/// A lamp in 2 m of fog above a floor, which reflects this share and emits so many nits.
+/// A light in 2 m of fog above a floor, which reflects this share and emits so many nits.
 fn scene(albedo: f32, nits: f32) -> ReferenceScene {
     let corner = |x: f32, z: f32| Vec3::new(x, -0.9, z);
     let mut floor = MeshBuilder::new();
@@ -30,9 +31,10 @@ fn scene(albedo: f32, nits: f32) -> ReferenceScene {
         materials: vec![material],
         ..SceneGeometry::default()
     };
-    let lamp = Light::Point { position: LAMP, luminous_power: 1000.0, range: 1e3, color: [1.0; 3] };
+    let light =
+        Light::Point { position: LIGHT, luminous_power: 1000.0, range: 1e3, color: [1.0; 3] };
     let rays = RayScene::from_geometry(&geometry);
-    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[lamp], Sky::Black).unwrap();
+    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[light], Sky::Black).unwrap();
     scene.with_fog(fog()).unwrap()
 }
 
@@ -66,11 +68,11 @@ fn window(frames: u32) -> Window {
 
 /// Light of the middle ray that fog scatters once, with its way from `from` to `to` metres, nits.
 fn exact(from: f64, to: f64) -> f64 {
-    let (eye, lamp) = (DVec3::Z * 3.0, LAMP.as_dvec3());
+    let (eye, light) = (DVec3::Z * 3.0, LIGHT.as_dvec3());
     let steps = 400_000;
     let part = |step: u32| {
         let distance = 2.0 + 2.0 * (f64::from(step) + 0.5) / f64::from(steps);
-        let ray = lamp - (eye - DVec3::Z * distance);
+        let ray = light - (eye - DVec3::Z * distance);
         let way = distance + ray.length();
         if !(from..to).contains(&way) {
             return 0.0;
@@ -87,15 +89,6 @@ fn exact_frames(window: Window) -> Vec<f64> {
     let edge = |frame: u32| window.start * SPEED_OF_LIGHT + f64::from(frame) * step;
     let frame = |frame: u32| exact(edge(frame), edge(frame + 1)) / window.duration();
     (0..window.frames).map(frame).collect()
-}
-
-/// Mean and its standard error.
-fn statistics(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let values: Vec<f64> = values.collect();
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-    (mean, (variance / (count - 1.0) / count).sqrt())
 }
 
 /// Checks the images of many seeds against the closed form; in each frame within `bias` of it.
