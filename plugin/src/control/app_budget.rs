@@ -112,7 +112,7 @@ impl Common<'_> {
             sum.add(&Curve::of(frame.frontier(), frame.weight));
         }
         rates.begin(Some(limit.0), None, Budget::HORIZON.as_secs_f64());
-        let hold = self.settings.dwell.as_secs_f64();
+        let hold = self.settings.hold_seconds();
         let rate = rates.rate(&sum, Some(stored.0), None, hold, self.time.delta_secs_f64());
         // In still views what could stay, as for a camera's own budget.
         if frames.iter().any(|frame| frame.has_moved) {

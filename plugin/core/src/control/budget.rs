@@ -210,7 +210,8 @@ impl Budget {
 pub struct ControlSettings {
     /// Duration of a knob's transition to its new level. Higher values change quality more gradually
     /// and follow the view and the budget later; lower values follow sooner, pass through fewer
-    /// settings that are on no frontier, and change quality more visibly. Default: 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
+    /// settings that are on no frontier, and change quality more visibly and, if budgets are means, more
+    /// often. Default: 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
     pub transition: Duration,
     /// Shortest time between two changes of the target. It ends early when the budget cannot bear
     /// the present target, with another budget, and at a cut. Higher values change quality less
@@ -224,6 +225,12 @@ pub struct ControlSettings {
 impl ControlSettings {
     /// Default of [`transition`](Self::transition).
     pub const TRANSITION: Duration = Duration::from_millis(300);
+
+    /// Seconds for which a budget must bear what settings cost: the dwell, and the transitions to them
+    /// and away.
+    pub fn hold_seconds(&self) -> f64 {
+        self.dwell.as_secs_f64() + 2.0 * self.transition.as_secs_f64()
+    }
 }
 
 impl Default for ControlSettings {

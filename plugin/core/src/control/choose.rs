@@ -2,14 +2,16 @@
 //! or at the exchange rate that a budget allows, and its dwell: how long a target stays before another
 //! takes its place.
 //!
-//! A change of settings is visible, a brief gain is not. So a target stays for a least time, unless
-//! the budget cannot bear it. The first change after a rest does not wait.
+//! A change of settings is visible, a brief gain is not. So a target stays for a least time, and then until
+//! staying has lost as much as the change shows: the mean error of both settings for the time of a
+//! transition. That is at most twice the loss of who knows the future (Karlin et al. 1988, "Competitive
+//! snoopy caching"). What the budget cannot bear does not stay.
 
 use glam::Vec3;
 
 use super::limits::Limits;
 use super::rate::Rate;
-use super::{Budget, Limit};
+use super::{Budget, ControlSettings, Limit};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 use crate::units::Watts;
@@ -193,6 +195,8 @@ pub(super) struct Dwell {
     /// With its error in this frame's view, and its power where a frontier had it last.
     target: Option<(KnobLevels, CostPoint)>,
     seconds: f64,
+    /// What better targets would have gained since, error × seconds.
+    lost: f64,
     /// Position and viewing direction at the last change.
     view: Option<(Vec3, Vec3)>,
     /// Whether the view has moved since the target changed last.
@@ -214,17 +218,23 @@ impl Dwell {
         &mut self,
         wanted: &Choice,
         delta_seconds: f64,
-        dwell_seconds: f64,
+        settings: &ControlSettings,
         cost_of: impl FnOnce(KnobLevels, CostPoint) -> Option<CostPoint>,
     ) -> (KnobLevels, CostPoint) {
-        self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
-        let stays = |cost: CostPoint| {
+        let delta_seconds = if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
+        self.seconds += delta_seconds;
+        let [dwell, transition] =
+            [settings.dwell, settings.transition].map(|time| time.as_secs_f64());
+        let (seconds, lost) = (self.seconds, &mut self.lost);
+        let mut stays = |cost: CostPoint| {
             let is_borne = cost.power <= wanted.most.power && cost.error <= wanted.most.error;
             let rate = wanted.watts_per_error.min(LARGE_RATE);
             let sum = |cost: CostPoint| cost.power.0 + rate * cost.error;
             let gain = sum(cost) - sum(wanted.cost);
+            *lost = (*lost + gain / rate * delta_seconds).max(0.0);
+            let shown = 0.5 * (cost.error + wanted.cost.error) * transition;
             // Not `>=`, so that NaN does not wait for ever.
-            is_borne && (self.seconds < dwell_seconds || gain < 0.0)
+            is_borne && (seconds < dwell || *lost < shown || gain < 0.0)
         };
         let target = match self.target {
             Some((held, known)) if held != wanted.settings => {
@@ -234,7 +244,7 @@ impl Dwell {
             None => None,
         };
         let target = target.unwrap_or_else(|| {
-            (self.seconds, self.view, self.has_moved) = (0.0, None, false);
+            (self.seconds, self.lost, self.view, self.has_moved) = (0.0, 0.0, None, false);
             (wanted.settings, wanted.cost)
         });
         self.target = Some(target);

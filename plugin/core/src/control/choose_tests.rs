@@ -1,5 +1,7 @@
 //! Tests of a frame's choice.
 
+use std::time::Duration;
+
 use proptest::prelude::*;
 
 use super::*;
@@ -90,7 +92,12 @@ fn choose_by(
     dwell_seconds: f64,
     cost: fn(KnobLevels) -> Option<CostPoint>,
 ) -> KnobLevels {
-    dwell.choose(wanted, delta_seconds, dwell_seconds, |held, _| cost(held)).0
+    let settings = ControlSettings {
+        dwell: Duration::from_secs_f64(dwell_seconds),
+        transition: Duration::ZERO,
+        ..Default::default()
+    };
+    dwell.choose(wanted, delta_seconds, &settings, |held, _| cost(held)).0
 }
 
 /// A choice of which the budget can bear `most` watts, at `rate` watts per unit of error.
@@ -137,7 +144,7 @@ fn the_first_change_a_budget_that_cannot_bear_it_and_a_cut_do_not_wait() {
     let now = |dwell_seconds, cost: fn(KnobLevels) -> Option<CostPoint>| {
         choose_by(&mut start(), &wanting(LOW, 7.0, 1.0), 0.1, dwell_seconds, cost)
     };
-    assert_eq!(now(f64::NAN, cost), LOW);
+    assert_eq!(now(0.0, cost), LOW);
     assert_eq!(now(1.0, |_| None), LOW, "unknown");
     let nothing = |_| Some(CostPoint::new(f64::NAN, f64::NAN));
     assert_eq!(now(1.0, nothing), LOW, "no number");
@@ -158,6 +165,28 @@ fn a_change_must_be_worth_it() {
     // In a still view errors alone count, and what is better stays while it can be borne.
     assert_eq!(choose_by(&mut dwell, &wanting(LOW, 7.0, f64::INFINITY), 9.0, 0.0, cost), HIGH);
     assert_eq!(choose_by(&mut dwell, &wanting(LOW, 5.5, f64::INFINITY), 9.0, 0.0, cost), LOW);
+}
+
+#[test]
+fn settings_stay_until_staying_has_lost_what_a_change_shows() {
+    // A gain of 20 W ÷ 1000 W per unit of error, less 1 W: 0.019 a second. A change shows 0.02 for the
+    // transition's two seconds.
+    let settings = ControlSettings {
+        dwell: Duration::ZERO,
+        transition: Duration::from_secs(2),
+        ..Default::default()
+    };
+    let frames = |rate: f64, most: f64| {
+        let mut dwell = Dwell::default();
+        let mut choose =
+            |wanted: &Choice| dwell.choose(wanted, 0.01, &settings, |held, _| cost(held)).0;
+        assert_eq!(choose(&wanting(LOW, 7.0, 1.0)), LOW);
+        (1..2000).find(|_| choose(&wanting(HIGH, most, rate)) == HIGH)
+    };
+    assert_eq!(frames(1000.0, 7.0), Some(211));
+    assert!(matches!(frames(f64::INFINITY, 7.0), Some(200 | 201)), "by errors alone");
+    assert_eq!(frames(50.5, 7.0), None, "a gain of 0.0002 a second");
+    assert_eq!(frames(1000.0, 4.9), Some(1), "not borne");
 }
 
 #[test]

@@ -108,7 +108,7 @@ impl Inputs<'_> {
         if let Some(overall) = self.store.overall() {
             rates.expect(overall);
         }
-        let (view, hold) = (Curve::of(frontier, 1.0), self.settings.dwell.as_secs_f64());
+        let (view, hold) = (Curve::of(frontier, 1.0), self.settings.hold_seconds());
         let rate = rates.rate(&view, watts(stored.power), stored.error, hold, self.delta_seconds);
         choose(frontier, &stored, &rate, filter.has_moved() && !rates.is_instant())
     }
@@ -145,9 +145,9 @@ impl Inputs<'_> {
             let power = known.map_or_else(|| power + charge(settings), |known| known.power);
             Some(CostPoint { power, error })
         };
-        let (seconds, dwell) = (self.delta_seconds, self.settings.dwell.as_secs_f64());
+        let seconds = self.delta_seconds;
         let held_cost = |held, known| cost_of(held, Some(known));
-        let (target, target_cost) = filter.dwell.choose(choice, seconds, dwell, held_cost);
+        let (target, target_cost) = filter.dwell.choose(choice, seconds, &self.settings, held_cost);
         let applied = filter.step(space, target, seconds, self.settings.transition);
         let cost = if applied == target {
             target_cost
