@@ -210,12 +210,12 @@ impl Budget {
 pub struct ControlSettings {
     /// Duration of a knob's transition to its new level. Higher values change quality more gradually
     /// and follow the view and the budget later; lower values follow sooner, pass through fewer
-    /// settings that are on no frontier, and change quality more visibly and, if budgets are means, more
-    /// often. Default: 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
+    /// settings that are on no frontier, and change quality more visibly and more often. Default:
+    /// 0.3 s; Wang et al. 2016, equation 3.8, use 2 s.
     pub transition: Duration,
     /// Shortest time between two changes of the target. It ends early when the budget cannot bear
-    /// the present target, with another budget, and at a cut. Higher values change quality less
-    /// often and follow views less closely. Default: 1 s.
+    /// the present target, with another budget, and at a cut; small gains wait longer. Higher values
+    /// change quality less often and follow views less closely. Default: 1 s.
     pub dwell: Duration,
     /// Whether the app's meter corrects predicted power: a measured one, or the modelled one that the
     /// map was made with. Default: true.

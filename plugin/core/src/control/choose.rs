@@ -4,8 +4,8 @@
 //!
 //! A change of settings is visible, a brief gain is not. So a target stays for a least time, and then until
 //! staying has lost as much as the change shows: the mean error of both settings for the time of a
-//! transition. That is at most twice the loss of who knows the future (Karlin et al. 1988, "Competitive
-//! snoopy caching"). What the budget cannot bear does not stay.
+//! transition (as in renting or buying skis: Karlin et al. 1988, "Competitive snoopy caching"). What the
+//! budget cannot bear does not stay.
 
 use glam::Vec3;
 
@@ -223,23 +223,10 @@ impl Dwell {
     ) -> (KnobLevels, CostPoint) {
         let delta_seconds = if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
         self.seconds += delta_seconds;
-        let [dwell, transition] =
-            [settings.dwell, settings.transition].map(|time| time.as_secs_f64());
-        let (seconds, lost) = (self.seconds, &mut self.lost);
-        let mut stays = |cost: CostPoint| {
-            let is_borne = cost.power <= wanted.most.power && cost.error <= wanted.most.error;
-            let rate = wanted.watts_per_error.min(LARGE_RATE);
-            let sum = |cost: CostPoint| cost.power.0 + rate * cost.error;
-            let gain = sum(cost) - sum(wanted.cost);
-            *lost = (*lost + gain / rate * delta_seconds).max(0.0);
-            let shown = 0.5 * (cost.error + wanted.cost.error) * transition;
-            // Not `>=`, so that NaN does not wait for ever.
-            is_borne && (seconds < dwell || *lost < shown || gain < 0.0)
-        };
         let target = match self.target {
-            Some((held, known)) if held != wanted.settings => {
-                cost_of(held, known).filter(|cost| stays(*cost)).map(|cost| (held, cost))
-            }
+            Some((held, known)) if held != wanted.settings => cost_of(held, known)
+                .filter(|cost| self.stays(*cost, wanted, delta_seconds, settings))
+                .map(|cost| (held, cost)),
             Some(_) => Some((wanted.settings, wanted.cost)),
             None => None,
         };
@@ -249,6 +236,25 @@ impl Dwell {
         });
         self.target = Some(target);
         target
+    }
+
+    /// Whether a target of this `cost` stays though another is `wanted`. Adds what that loses.
+    fn stays(
+        &mut self,
+        cost: CostPoint,
+        wanted: &Choice,
+        delta_seconds: f64,
+        settings: &ControlSettings,
+    ) -> bool {
+        let is_borne = cost.power <= wanted.most.power && cost.error <= wanted.most.error;
+        let rate = wanted.watts_per_error.min(LARGE_RATE);
+        let sum = |cost: CostPoint| cost.power.0 + rate * cost.error;
+        let gain = sum(cost) - sum(wanted.cost);
+        self.lost = (self.lost + gain / rate * delta_seconds).max(0.0);
+        let shown = 0.5 * (cost.error + wanted.cost.error) * settings.transition.as_secs_f64();
+        let is_early = self.seconds < settings.dwell.as_secs_f64();
+        // Not `>=`, so that NaN does not wait for ever.
+        is_borne && (is_early || self.lost < shown || gain < 0.0)
     }
 
     /// Lets the next target in at once.

@@ -169,8 +169,8 @@ fn a_change_must_be_worth_it() {
 
 #[test]
 fn settings_stay_until_staying_has_lost_what_a_change_shows() {
-    // A gain of 20 W ÷ 1000 W per unit of error, less 1 W: 0.019 a second. A change shows 0.02 for the
-    // transition's two seconds.
+    // An error of 0.02 less for 1 W more: at 1000 W per unit of error a gain of 0.019 a second. A change
+    // shows 0.02, the mean of both errors, for the transition's two seconds.
     let settings = ControlSettings {
         dwell: Duration::ZERO,
         transition: Duration::from_secs(2),
