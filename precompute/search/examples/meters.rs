@@ -6,20 +6,17 @@ mod shared;
 
 use std::collections::VecDeque;
 
-use frugal_core::control::{
-    Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerModel,
-};
-use frugal_core::frontier::{CameraView, CostPoint, FrontierMap};
-use frugal_core::knobs::KnobLevels;
+use frugal_core::control::{Budget, ControlSettings};
+use frugal_core::frontier::CostPoint;
 use frugal_core::units::Watts;
-use frugal_search::evaluate::{Choice, Policy, Pose, read_records};
+use frugal_search::evaluate::{
+    BudgetRequest, Choice, Controller, Policy, Pose, PowerBudget, read_records,
+};
 use serde::Serialize;
 use shared::{Arguments, lines, rounded, write};
 
 /// Metered watts of the device for each watt of the map.
 const HUNGRIER: f64 = 1.4;
-/// Interval of a reading, seconds.
-const INTERVAL: f64 = 1.0;
 /// Seconds in which the correction is learnt, which do not count.
 const LEARNING: f64 = 60.0;
 const SECONDS: f64 = 360.0;
@@ -37,62 +34,30 @@ struct Row<'a> {
     windows_over: f64,
 }
 
-/// The controller of a camera on a device with a meter.
+/// The controller on a device with a meter.
 struct Metered<'a> {
-    map: &'a FrontierMap,
-    lens: [f32; 2],
-    budget: Budget,
-    controller: CameraController,
-    model: PowerModel,
-    last: Option<KnobLevels>,
-    /// Metered watts for each of the record.
-    gain: f64,
-    late: f64,
-    lost_at: f64,
-    now: f64,
-    dt: f64,
-    sum: (f64, f64),
-    pending: VecDeque<(f64, f64, f64)>,
+    controller: Controller<'a>,
+    /// What the meter has not yet reported.
+    pending: VecDeque<CostPoint>,
+    /// Frames by which it is late.
+    late: usize,
+    /// Frames until it is lost.
+    left: usize,
 }
 
 impl Policy for Metered<'_> {
-    fn decide(&mut self, _: usize, dt: f64, pose: &Pose) -> Choice {
-        (self.dt, self.now) = (dt, self.now + dt);
-        let inputs = Inputs {
-            store: self.map,
-            view: CameraView {
-                position: pose.position,
-                rotation: pose.rotation,
-                vertical_fov: self.lens[0],
-                aspect: self.lens[1],
-            },
-            budget: self.budget,
-            delta_seconds: dt,
-            current: Some(self.last.unwrap_or_default()),
-            correction: self.model.correction(),
-            mean_correction: self.model.mean_correction(),
-            errors: ErrorFeedback::default(),
-            settings: ControlSettings::default(),
-        };
-        let Some(found) = self.controller.step(&inputs) else {
-            return Choice::from(self.last.unwrap_or_default());
-        };
-        self.model.predict(found.uncorrected, dt);
-        self.last = Some(found.applied);
-        Choice { settings: found.applied, target: found.target, predicted: Some(found.predicted) }
+    fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice {
+        self.controller.decide(frame, dt, pose)
     }
 
     fn observe(&mut self, cost: CostPoint) {
-        self.sum = (self.sum.0 + cost.power.0 * self.gain * self.dt, self.sum.1 + self.dt);
-        if self.sum.1 >= INTERVAL - 1e-9 {
-            self.pending.push_back((self.now + self.late, self.sum.0 / self.sum.1, self.sum.1));
-            self.sum = (0.0, 0.0);
-        }
-        while self.pending.front().is_some_and(|(at, ..)| *at <= self.now + 1e-9) {
-            let Some((_, watts, seconds)) = self.pending.pop_front() else { return };
-            if self.now < self.lost_at {
-                self.model.read(Watts(watts), seconds);
-            }
+        let power = cost.power * HUNGRIER;
+        self.pending.push_back(CostPoint { power, ..cost });
+        self.left = self.left.saturating_sub(1);
+        if self.pending.len() > self.late
+            && let Some(reported) = self.pending.pop_front().filter(|_| self.left > 0)
+        {
+            self.controller.observe(reported);
         }
     }
 }
@@ -115,20 +80,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             print!("{:>9} {:>6}, {name:>15}:", file.scene, file.path);
             for share in [0.3, 0.5, 0.7] {
                 let limit = HUNGRIER * (low + share * (high - low));
+                let request = BudgetRequest {
+                    power: Some(PowerBudget::Power(Watts(limit))),
+                    ..Default::default()
+                };
+                let budget = request.resolve(Watts(low), Watts(high));
+                let lens = (file.lens[0], file.lens[1]);
+                let settings = ControlSettings::default();
                 let mut policy = Metered {
-                    map,
-                    lens: file.lens,
-                    budget: Budget::power(Watts(limit)),
-                    controller: CameraController::default(),
-                    model: PowerModel::default(),
-                    last: None,
-                    gain: HUNGRIER,
-                    late,
-                    lost_at,
-                    now: 0.0,
-                    dt: 0.0,
-                    sum: (0.0, 0.0),
+                    controller: Controller::new(map, &budget, lens, settings),
                     pending: VecDeque::new(),
+                    late: (late * file.fps) as usize,
+                    left: (lost_at * file.fps) as usize,
                 };
                 let series = record.simulate_for(&mut policy, SECONDS);
                 let from = (LEARNING * file.fps) as usize;

@@ -3,15 +3,17 @@
 use std::time::Duration;
 
 use frugal_core::control::{
-    Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerCorrection,
+    Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerModel,
 };
 use frugal_core::frontier::{CostPoint, FrontierStore};
 use frugal_core::knobs::KnobLevels;
+use frugal_core::units::Watts;
 
 use super::{Choice, Policy, Pose, ResolvedBudget};
 use crate::cameras::view_from;
 
-/// Selects settings from frontiers under a budget and applies the temporal filter.
+/// Selects settings from frontiers under a budget and applies the temporal filter. Observed power is
+/// read once a second, as the plugin reads a meter.
 pub struct Controller<'a> {
     store: &'a dyn FrontierStore,
     budget: Budget,
@@ -25,6 +27,10 @@ pub struct Controller<'a> {
     predicted: Option<f64>,
     /// Duration of the last frame, seconds.
     dt: f64,
+    /// What the power meter says of predicted power.
+    power: PowerModel,
+    /// Joules and seconds since its last reading.
+    energy: (f64, f64),
     /// How often an error meter measures a whole frame, without noise; `None` without one.
     pub(super) meter: Option<MeterInterval>,
     /// Number of its measurements.
@@ -32,6 +38,9 @@ pub struct Controller<'a> {
     /// Seconds since the last of them.
     since: f64,
 }
+
+/// Interval of readings of the power meter, less a rounding error.
+const READING_SECONDS: f64 = 1.0 - 1e-9;
 
 /// Time from a measurement of the error meter, by its number, to the next.
 pub type MeterInterval = fn(u32) -> Duration;
@@ -55,6 +64,8 @@ impl<'a> Controller<'a> {
             errors: ErrorFeedback::default(),
             predicted: None,
             dt: 0.0,
+            power: PowerModel::default(),
+            energy: (0.0, 0.0),
             meter: None,
             measurements: 0,
             since: 0.0,
@@ -72,9 +83,8 @@ impl Policy for Controller<'_> {
             delta_seconds: dt,
             // Before its first step the filter goes straight to the target, whatever this is.
             current: Some(self.last),
-            // The meter is the map's own.
-            correction: PowerCorrection::default(),
-            mean_correction: PowerCorrection::default(),
+            correction: self.power.correction(),
+            mean_correction: self.power.mean_correction(),
             settings: self.settings,
             errors: self.errors,
         };
@@ -82,6 +92,7 @@ impl Policy for Controller<'_> {
             return Choice::from(self.last);
         };
         self.last = decisions.applied;
+        self.power.predict(decisions.uncorrected, dt);
         self.predicted = Some(decisions.predicted_applied.error);
         Choice {
             settings: decisions.applied,
@@ -91,6 +102,12 @@ impl Policy for Controller<'_> {
     }
 
     fn observe(&mut self, cost: CostPoint) {
+        let (joules, seconds) = &mut self.energy;
+        (*joules, *seconds) = (*joules + cost.power.0 * self.dt, *seconds + self.dt);
+        if *seconds >= READING_SECONDS {
+            self.power.read(Watts(*joules / *seconds), *seconds);
+            self.energy = (0.0, 0.0);
+        }
         let Some(interval) = self.meter else { return };
         self.since += self.dt;
         if self.since >= interval(self.measurements).as_secs_f64()

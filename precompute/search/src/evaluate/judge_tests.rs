@@ -71,6 +71,27 @@ fn the_controller_keeps_the_budget_and_the_baseline_takes_the_highest_resolution
 }
 
 #[test]
+fn a_meter_corrects_a_map_that_predicts_too_little_power() {
+    let mut map = map(space());
+    let record = recorded(&map, Baselines::None);
+    let cheaper = |point: &FrontierPoint| FrontierPoint {
+        settings: point.settings,
+        cost: CostPoint::new(0.9 * point.cost.power.0, point.cost.error),
+    };
+    map.shared = Frontier::from_points(map.shared.points().iter().map(cheaper));
+    map.octree = frugal_core::testing::cube(vec![map.shared.clone()]);
+    let budget =
+        BudgetRequest { power: Some(PowerBudget::Power(Watts(3.5))), ..Default::default() };
+    let trial = trial(&record, &map, Baselines::None);
+    let frugal = trial.judge(&budget).runs.remove(0);
+    assert!((3.4..3.55).contains(&frugal.mean_power_w.0), "{:?}", frugal.mean_power_w);
+    let mut unmetered = trial.controller(&budget.resolve(Watts(0.0), Watts(0.0)));
+    let mut decide = |frame: usize, dt: f64, pose: &Pose| unmetered.decide(frame, dt, pose);
+    let over = mean_power(&record.simulate_for(&mut decide, 60.0)).0;
+    assert!(over > 3.6, "{over}");
+}
+
+#[test]
 fn an_error_budget_finds_the_lowest_resolution_that_keeps_it() {
     let at = |level| error(space().highest().with_level(1, level));
     let result = judged(None, Some(at(2) + 1e-6));
