@@ -38,15 +38,15 @@ pub struct Tracing {
 
 /// One bounce of the scene's punctual lights between Lambertian surfaces, nits.
 pub fn one_bounce(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
-    bounces(scene, pose, tracing, 1)
+    bounces(scene, pose, tracing, Some(1))
 }
 
-/// [`one_bounce`] with up to `most` bounces.
+/// [`one_bounce`] with up to `most` bounces, or all.
 pub fn bounces(
     scene: &SceneDescription,
     pose: CameraPose,
     tracing: Tracing,
-    most: u32,
+    most: Option<u32>,
 ) -> Radiance {
     let traced = traced(&set::loaded(&without_environment(scene)));
     trace(&traced, &scene.view(pose, tracing.size), tracing, most)
@@ -75,7 +75,7 @@ pub fn one_bounce_untextured(
     pose: CameraPose,
     tracing: Tracing,
 ) -> Radiance {
-    trace(&untextured(scene), &scene.view(pose, tracing.size), tracing, 1)
+    trace(&untextured(scene), &scene.view(pose, tracing.size), tracing, Some(1))
 }
 
 /// The surface at the centre of each pixel, without alpha masks.
@@ -114,11 +114,11 @@ fn trace(
     scene: &ReferenceScene,
     view: &View,
     Tracing { samples, seed, pixels, .. }: Tracing,
-    bounces: u32,
+    bounces: Option<u32>,
 ) -> Radiance {
     let settings = Settings {
         samples,
-        bounces: Some(bounces),
+        bounces,
         seed,
         shading: Shading::Lambertian,
         pixels,

@@ -42,13 +42,15 @@ pub struct FrugalGi {
     /// within reach of [`forward_spacing`](Self::forward_spacing). Bevy's reflections stay. With 0,
     /// or without rays, Bevy's unshadowed diffuse light stays.
     pub environment_samples: u32,
-    /// Number of diffuse bounces, 1 to [`MAX_BOUNCES`](Self::MAX_BOUNCES). Emissive surfaces and
-    /// the sky get one fewer. Without [`visibility`](Self::visibility) it is 1. Higher values:
-    /// brighter shadows and rooms, nearer the converged solution (at an albedo of one half, 1
-    /// yields half of all indirect light, 3 seven eighths). Default: 3.
+    /// Number of diffuse bounces, 1 to [`MAX_BOUNCES`](Self::MAX_BOUNCES), or
+    /// [`ALL_BOUNCES`](Self::ALL_BOUNCES). Emissive surfaces and the sky get one fewer. Without
+    /// [`visibility`](Self::visibility) it is 1. Higher values: brighter shadows and rooms, nearer
+    /// the converged solution (at an albedo of one half, 1 yields half of all indirect light, 3
+    /// seven eighths). Default: all.
     ///
-    /// Each further bounce costs a pass over the maps' texels and 16,384 rays (20,480 with a sky).
-    /// It runs when the maps are rendered, when the sky or these settings change, and after the
+    /// Each further bounce costs 16,384 rays, the second also a pass over the maps' texels and 4,096
+    /// rays to the sky. `ALL_BOUNCES` costs as much as 3 and adds the rest of the series, estimated
+    /// from the ratio of the last two bounces in the whole scene. A bounce runs when the maps are rendered, when the sky or these settings change, and after the
     /// camera has moved by a fortieth of [`range`](Self::range); under a sky that is generated in
     /// every frame, it runs in every frame.
     pub bounces: u32,
@@ -131,8 +133,11 @@ impl FrugalGi {
     /// Largest [`rest_frames`](Self::rest_frames).
     pub const MAX_REST_FRAMES: u32 = 256;
 
-    /// Largest [`bounces`](Self::bounces).
+    /// Largest number of [`bounces`](Self::bounces) that are counted.
     pub const MAX_BOUNCES: u32 = 8;
+
+    /// All [`bounces`](Self::bounces), and what any larger number means.
+    pub const ALL_BOUNCES: u32 = Self::MAX_BOUNCES + 1;
 
     /// Whether VPLs are sampled and gathered for this camera.
     pub(super) fn gathers(&self) -> bool {
@@ -173,7 +178,7 @@ impl Default for FrugalGi {
             interleave: GiInterleave::Four,
             visibility: GiVisibility::Coarse,
             environment_samples: 16,
-            bounces: 3,
+            bounces: Self::ALL_BOUNCES,
             emissive: true,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,

@@ -157,7 +157,7 @@ mod tests {
             "gi_visibility=coarse",
             "gi_environment_samples=16",
             "rsm_resolution=128",
-            "gi_bounces=3",
+            "gi_bounces=all",
             "gi_refresh_period=1",
             "resolution_scale=100%",
         ] {

@@ -19,17 +19,28 @@ use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
-use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
+use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, SamplingBuffers, VPL_BYTES, VplPlan};
 
 /// The bounce VPLs: every patch evaluates all of them.
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
-    VplPlan { interleave: 1, sets: 1, per_set: 512, sequence: 0 };
+    VplPlan { interleave: 1, sets: 1, per_set: 1024, sequence: 0 };
+
+/// Bytes of `bounces/reflect.wgsl`'s `PatchLight`. A test compares it with the shader.
+pub(in crate::gi) const PATCH_LIGHT_BYTES: u64 = 32;
+/// Rounds where all bounces are asked for. Fewer: the rest of the series is guessed before its rounds
+/// differ by a factor. More: proportionally more rays.
+const ROUNDS_OF_ALL: u32 = 2;
+/// Bound on the ratio of a bounce's light to that of the bounce before, where all are asked for: a
+/// white closed room's light is no more than ten times that of its last round.
+const LARGEST_RATIO: f32 = 0.9;
 
 /// What the light of patches depends on, apart from the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LightInputs {
     /// Rounds of reflection: one for two bounces.
     pub rounds: u32,
+    /// Whether rounds that are not run count, too.
+    extrapolates: bool,
     emissive: bool,
     exposure: f32,
     sky: Option<SkyInputs>,
@@ -59,6 +70,10 @@ pub(crate) struct BounceCamera {
     /// The bounce VPLs.
     pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
+    /// Samples the bounce VPLs of later rounds, from patches alone.
+    pub(super) sampling: SamplingBuffers,
+    /// `bounces/reflect.wgsl`'s `PatchLight`s.
+    pub(super) light: Buffer,
     /// `vpl/vpl.wgsl`'s `ImportancePoints`: patches that stand for all.
     pub(super) importance: Buffer,
     /// `bounces/reflect.wgsl`'s `PatchRange`.
@@ -70,6 +85,21 @@ pub(crate) struct BounceCamera {
     pub(super) is_done: AtomicBool,
 }
 
+impl LightInputs {
+    /// The rows of the patches alone.
+    fn rows(&self) -> Vec<TexelRow> {
+        let mut rows = Vec::new();
+        TexelRow::add_scattered(&mut rows, self.first_texel, PATCHES as u32);
+        rows
+    }
+
+    /// `bounces/reflect.wgsl`'s `PatchRange`, padded to the size of a uniform.
+    fn range_bytes(&self) -> [u8; 16] {
+        let largest_ratio = if self.extrapolates { LARGEST_RATIO } else { 0.0 };
+        bytemuck::cast([self.first_texel, largest_ratio.to_bits(), 0, 0])
+    }
+}
+
 impl BounceCamera {
     /// Buffers for patches that are due to reflect.
     fn new(device: &RenderDevice, patches: &Arc<Vec<Patch>>, inputs: LightInputs) -> Self {
@@ -78,13 +108,20 @@ impl BounceCamera {
         let empty = |label, size, usage| empty_buffer(device, label, size, usage);
         let vpl_bytes = u64::from(BOUNCE_VPLS.count()) * VPL_BYTES;
         let vpl_usage = storage | uniform | BufferUsages::COPY_SRC;
+        let light_usage = storage | BufferUsages::COPY_DST;
         Self {
             held: Arc::clone(patches),
             patches: filled("frugal_gi/bounces/patches", bytemuck::cast_slice(patches), storage),
             bounce_vpls: empty("frugal_gi/bounces/bounce_vpls", vpl_bytes, vpl_usage),
             plan: filled("frugal_gi/bounces/plan", bytemuck::bytes_of(&BOUNCE_VPLS), storage),
             importance: empty("frugal_gi/bounces/importance", IMPORTANCE_POINTS_BYTES, storage),
-            range: filled("frugal_gi/bounces/range", &range_bytes(inputs.first_texel), uniform),
+            sampling: SamplingBuffers::new(device, Arc::new(inputs.rows())),
+            light: empty(
+                "frugal_gi/bounces/light",
+                PATCHES as u64 * PATCH_LIGHT_BYTES,
+                light_usage,
+            ),
+            range: filled("frugal_gi/bounces/range", &inputs.range_bytes(), uniform),
             inputs,
             is_due: true,
             is_done: AtomicBool::new(false),
@@ -105,8 +142,8 @@ impl BounceCamera {
 
     /// Bytes held on the GPU for this camera's patches, without their texels.
     pub(crate) fn bytes(&self) -> u64 {
-        let Self { patches, bounce_vpls, plan, importance, range, .. } = self;
-        bytes_of([patches, bounce_vpls, plan, importance, range])
+        let Self { patches, bounce_vpls, plan, importance, range, light, .. } = self;
+        bytes_of([patches, bounce_vpls, plan, importance, range, light]) + self.sampling.bytes()
     }
 
     /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
@@ -153,9 +190,10 @@ pub(super) fn prepare(
         };
         kernels.queue(&cache, kind);
         let always = sky.as_ref().is_some_and(SkyInputs::is_generated);
-        let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
+        let extrapolates = gi.bounces >= FrugalGi::ALL_BOUNCES;
         let inputs = LightInputs {
-            rounds,
+            rounds: if extrapolates { ROUNDS_OF_ALL } else { gi.bounces.max(1) - 1 },
+            extrapolates,
             emissive: gi.emissive,
             exposure: camera.exposure,
             sky,
@@ -178,7 +216,10 @@ pub(super) fn prepare(
             let place = |inputs: &LightInputs| (inputs.store, inputs.first_texel);
             if place(&held.inputs) != place(&inputs) {
                 clear();
-                queue.write_buffer(&held.range, 0, &range_bytes(first_texel));
+                held.sampling.set_rows(&queue, Arc::new(inputs.rows()));
+            }
+            if held.inputs.range_bytes() != inputs.range_bytes() {
+                queue.write_buffer(&held.range, 0, &inputs.range_bytes());
             }
             let is_same = Arc::ptr_eq(&held.held, patches) && held.inputs == inputs;
             let is_done = held.is_done.load(Ordering::Relaxed);
@@ -191,9 +232,4 @@ pub(super) fn prepare(
         let camera = BounceCamera::new(&device, patches, inputs);
         commands.entity(entity).insert(camera);
     }
-}
-
-/// `bounces/reflect.wgsl`'s `PatchRange`, padded to the size of a uniform.
-fn range_bytes(first_texel: u32) -> [u8; 16] {
-    bytemuck::cast([first_texel, 0, 0, 0])
 }

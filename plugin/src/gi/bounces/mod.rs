@@ -2,9 +2,11 @@
 //!
 //! As in radiosity, points on all surfaces of the scene represent pieces of them: *patches*. When
 //! the maps are rendered, the camera's sky lights each patch, and so do bounce VPLs, sampled by
-//! flux and by importance to the patches. A patch's reflected flux becomes a texel behind those of
-//! the maps and of emissive surfaces, and is treated like theirs. Each further bounce repeats this
-//! (Jacobi iteration of the radiosity equation: Goral et al. 1984).
+//! flux and by importance to the patches. For each further bounce the patches light one another by
+//! what they reflected in the round before. The sum over the rounds (the Neumann series of the
+//! radiosity equation: Goral et al. 1984) becomes a texel behind those of the maps and of emissive
+//! surfaces, and is treated like theirs. Where all bounces are asked for, the series is ended as a
+//! geometric one.
 //!
 //! | file | world | job |
 //! |---|---|---|
@@ -40,9 +42,10 @@ use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
 use super::vpl::{SampleInputs, VplKernels, VplView};
-pub(super) use camera::BOUNCE_VPLS;
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
+use camera::LightInputs;
+pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES};
 use choice::PATCHES;
 pub(super) use choice::Patch;
 pub use patches::GiPatches;
@@ -100,6 +103,7 @@ pub(super) struct BounceKernels {
     pick: Kernel,
     /// Of both models of reflection, without a sky and with one.
     reflect: [[TracedKernel; 2]; 2],
+    sum: Kernel,
 }
 
 impl FromWorld for BounceKernels {
@@ -109,9 +113,13 @@ impl FromWorld for BounceKernels {
         let picking = BindGroupLayoutEntries::sequential(compute, (read(), write()));
         let without_sky = BindGroupLayoutEntries::sequential(
             compute,
-            (uniform_buffer::<ViewUniform>(true), uniform(), uniform(), read(), write()),
+            (uniform_buffer::<ViewUniform>(true), uniform(), uniform(), read(), write(), write()),
         );
-        let sky = BindGroupLayoutEntries::with_indices(compute, ((5, read()), (6, read())));
+        let sky = BindGroupLayoutEntries::with_indices(compute, ((6, read()), (7, read())));
+        let summing = BindGroupLayoutEntries::with_indices(
+            compute,
+            ((2, uniform()), (4, write()), (5, write())),
+        );
         let with_sky = [&*without_sky, &*sky].concat();
         let shader = load_embedded_asset!(world, "reflect.wgsl");
         let reflect = |is_lambertian| {
@@ -124,6 +132,7 @@ impl FromWorld for BounceKernels {
         Self {
             pick: Kernel::new("frugal_gi/bounces/pick", "pick_patches", &shader, &picking),
             reflect: [false, true].map(reflect),
+            sum: Kernel::new("frugal_gi/bounces/sum", "sum_rounds", &shader, &summing),
         }
     }
 }
@@ -133,10 +142,13 @@ impl BounceKernels {
         &self.reflect[usize::from(kind.is_lambertian)][usize::from(kind.has_sky)]
     }
 
-    /// Queues the pipelines of a kind, unless they were queued before.
+    /// Queues the pipelines of a kind, unless they were queued before: the sky lights the first round
+    /// alone.
     fn queue(&mut self, cache: &PipelineCache, kind: ReflectKind) {
         self.pick.queue(cache, Vec::new());
+        self.sum.queue(cache, Vec::new());
         let reflect = &mut self.reflect[usize::from(kind.is_lambertian)];
+        reflect[0].queue(cache, kind.has_masks);
         reflect[usize::from(kind.has_sky)].queue(cache, kind.has_masks);
     }
 }
@@ -168,10 +180,15 @@ pub(super) fn reflect(
     if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }
-    let kernel = kernels.reflect(camera.inputs.kind);
-    let (Some(pick), Some(reflect)) =
-        (kernels.pick.get(&cache, &[]), kernel.get(&cache, camera.inputs.kind.has_masks))
-    else {
+    let LightInputs { kind, rounds, first_texel, .. } = camera.inputs;
+    let (first, further) =
+        (kernels.reflect(kind), kernels.reflect(ReflectKind { has_sky: false, ..kind }));
+    let (Some(pick), Some(reflect_first), Some(reflect_further), Some(sum)) = (
+        kernels.pick.get(&cache, &[]),
+        first.get(&cache, kind.has_masks),
+        further.get(&cache, kind.has_masks),
+        kernels.sum.get(&cache, &[]),
+    ) else {
         return;
     };
     let (Some(texels), Some(traced), Some(buffers)) =
@@ -179,24 +196,24 @@ pub(super) fn reflect(
     else {
         return;
     };
-    // The layout of the weights has the G-buffer and depth; they are not read here.
-    let Some(inputs) = CameraInputs::new(prepass, &view_uniforms) else { return };
-    let views = inputs.views.clone();
-    let inputs = SampleInputs {
-        camera: inputs,
-        view_offset: view_offset.offset,
-        texels,
-        buffers,
-        importance: &camera.importance,
-        vpls: &camera.bounce_vpls,
-        plan: (&camera.plan, BOUNCE_VPLS.count()),
+    // The layout of the weights has the G-buffer and depth; they are not read here. Tile visibility
+    // for patches would take as many rays as for the image, without a measurable gain.
+    let passes = |buffers| {
+        let inputs = SampleInputs {
+            camera: CameraInputs::new(prepass, &view_uniforms)?,
+            view_offset: view_offset.offset,
+            texels,
+            buffers,
+            importance: &camera.importance,
+            vpls: &camera.bounce_vpls,
+            plan: (&camera.plan, BOUNCE_VPLS.count()),
+        };
+        vpl_kernels.passes(&context, &cache, false, inputs)
     };
-    // Tile visibility for patches would take as many rays as for the image, without a measurable
-    // gain.
-    let Some(passes) = vpl_kernels.passes(&context, &cache, false, inputs) else {
+    let (Some(from_all), Some(from_patches)) = (passes(buffers), passes(&camera.sampling)) else {
         return;
     };
-    let sky = sky.filter(|_| camera.inputs.kind.has_sky);
+    let Some(views) = view_uniforms.uniforms.binding() else { return };
     let picking = kernels.pick.bind(
         &context,
         &cache,
@@ -205,32 +222,54 @@ pub(super) fn reflect(
             camera.importance.as_entire_binding(),
         )),
     );
-    let mut entries = DynamicBindGroupEntries::sequential((
+    let entries = DynamicBindGroupEntries::sequential((
         views,
         camera.bounce_vpls.as_entire_binding(),
         camera.range.as_entire_binding(),
         camera.patches.as_entire_binding(),
         texels.as_entire_binding(),
+        camera.light.as_entire_binding(),
     ));
-    if let Some(SkyCamera { samples, plan_buffer: plan, .. }) = sky {
-        let sky = (samples.as_entire_binding(), plan.as_entire_binding());
-        entries = entries.extend_sequential(sky);
-    }
-    let reflecting = kernel.kernel.bind(&context, &cache, &entries);
+    let reflecting_further = further.kernel.bind(&context, &cache, &entries);
+    let sky = sky.filter(|_| kind.has_sky).map(|sky| {
+        let sky = (sky.samples.as_entire_binding(), sky.plan_buffer.as_entire_binding());
+        first.kernel.bind(&context, &cache, &entries.extend_sequential(sky))
+    });
+    let reflecting_first = sky.as_ref().unwrap_or(&reflecting_further);
+    let summing = kernels.sum.bind(
+        &context,
+        &cache,
+        &BindGroupEntries::with_indices((
+            (2, camera.range.as_entire_binding()),
+            (4, texels.as_entire_binding()),
+            (5, camera.light.as_entire_binding()),
+        )),
+    );
     // In the first round patches emit nothing yet.
-    let first_byte = u64::from(camera.inputs.first_texel) * TEXEL_BYTES;
-    let clear = (texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
-    compute_pass(&mut context, "frugal_gi/bounces", &[clear], |pass| {
+    let first_byte = u64::from(first_texel) * TEXEL_BYTES;
+    let clears =
+        [(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES)), (&camera.light, 0, None)];
+    compute_pass(&mut context, "frugal_gi/bounces", &clears, |pass| {
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
-        for _ in 0..camera.inputs.rounds {
+        for round in 0..rounds {
+            let (passes, reflect, reflecting) = if round == 0 {
+                (&from_all, reflect_first, reflecting_first)
+            } else {
+                (&from_patches, reflect_further, &reflecting_further)
+            };
             passes.weigh(pass);
             passes.sample(pass);
-            pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
+            pass.set_bind_group(0, reflecting, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);
             pass.dispatch_workgroups(1, PATCHES.div_ceil(PATCHES_PER_GROUP) as u32, 1);
+        }
+        if rounds > 1 {
+            pass.set_bind_group(0, &summing, &[]);
+            pass.set_pipeline(sum);
+            pass.dispatch_workgroups(1, 1, 1);
         }
     });
     camera.is_done.store(true, Ordering::Relaxed);

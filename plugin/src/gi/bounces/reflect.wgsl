@@ -7,9 +7,9 @@
 // Then the flux that each patch reflects, as a texel behind those of the maps: a thread for each ray of a
 // patch.
 //
-// Bounce VPLs light the patches: VPLs sampled from the maps' texels, from emissive surfaces and,
-// from the second round on, from the patches of the round before. Every patch evaluates all of
-// them: small sets would be blotchy near bright spots. Visibility by rays as in
+// Bounce VPLs light the patches: in the first round those of the maps' texels and of emissive
+// surfaces, in later rounds those of the patches' own light of the round before. Every patch
+// evaluates all of them: small sets would be blotchy near bright spots. Visibility by rays as in
 // `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
 
 #import bevy_render::view::View
@@ -38,6 +38,17 @@ struct Patch {
 struct PatchRange {
     /// Index of the first patch's texel in the store.
     first_texel: u32,
+    /// Largest ratio of a round's light to that of the round before: 0 where rounds that are not run do
+    /// not count.
+    largest_ratio: f32,
+}
+
+/// What a patch reflected, lumens.
+struct PatchLight {
+    /// In all rounds.
+    total: vec3<f32>,
+    /// In the last round but one.
+    before: vec3<f32>,
 }
 
 // To pick importance points.
@@ -49,16 +60,17 @@ struct PatchRange {
 @group(0) @binding(2) var<uniform> range: PatchRange;
 @group(0) @binding(3) var<storage, read> patches: array<Patch>;
 @group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
+@group(0) @binding(5) var<storage, read_write> light: array<PatchLight>;
 #ifdef SKY
-@group(0) @binding(5) var<storage, read> sky_samples: array<SkyLight>;
-@group(0) @binding(6) var<storage, read> sky_plan: SkyPlan;
+@group(0) @binding(6) var<storage, read> sky_samples: array<SkyLight>;
+@group(0) @binding(7) var<storage, read> sky_plan: SkyPlan;
 #endif
 
 /// Area that an importance point represents, as a share of the area of all patches from one picked
 /// patch to the next, which lie on many surfaces.
 const REACH: f32 = 0.1;
 /// As in `bounces/camera.rs`. A constant, so that no loop depends on a uniform.
-const BOUNCE_VPLS: u32 = 512u;
+const BOUNCE_VPLS: u32 = 1024u;
 /// Rays from each patch to the sky.
 const SKY_RAYS: u32 = 2u;
 
@@ -102,19 +114,22 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
     texel.packed_normal = own.packed_normal;
     texel.flux = vec3(0.0);
     let normal = texel_normal(texel);
-    var light = vec3(0.0);
+    var incident = vec3(0.0);
     if own.area > 0.0 {
         let origin = own.position + normal * surface_offset(own.position, apparent_distance(view.clip_from_view, distance(own.position, view.world_position)), 0.0);
         let noise = fract(f32(index) * 0.618034);
         var stratum = empty_stratum(fract(noise + f32(which) / f32(LANES)));
         for (var i = which; i < BOUNCE_VPLS; i += LANES) {
-            stratum = update_stratum(stratum, i, from_vpl(bounce_vpls[i], own.position, normal));
+            var vpl = bounce_vpls[i];
+            // No patch receives more than a VPL's whole flux.
+            vpl.largest_geometry_term = min(vpl.largest_geometry_term, 3.1415927 / max(own.area, 1e-18));
+            stratum = update_stratum(stratum, i, from_vpl(vpl, own.position, normal));
         }
         if stratum.total > 0.0 {
             let vpl = bounce_vpls[stratum.sampled];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
             if !is_occluded(origin, end) {
-                light = stratum.sent;
+                incident = stratum.sent;
             }
         }
 #ifdef SKY
@@ -126,25 +141,62 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
             }
             if stratum.total > 0.0 {
                 if is_open(origin, sky_samples[stratum.sampled].direction) {
-                    light += stratum.sent;
+                    incident += stratum.sent;
                 }
             }
         }
 #endif
     }
-    arrived[thread] = light;
+    arrived[thread] = incident;
     workgroupBarrier();
     if which != 0u || index >= arrayLength(&patches) {
         return;
     }
-    light = vec3(0.0);
+    incident = vec3(0.0);
     for (var lane = 0u; lane < LANES; lane++) {
-        light += arrived[thread + lane];
+        incident += arrived[thread + lane];
     }
     if own.area > 0.0 {
         let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
-        let flux = light * 0.31830987 * own.area * share;
+        let flux = incident * 0.31830987 * own.area * share;
         texel.flux = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
     }
+    light[index].before = texels[range.first_texel + index].flux;
+    light[index].total += texel.flux;
     texels[range.first_texel + index] = texel;
+}
+
+const SUM_LANES: u32 = 256u;
+/// Flux of all patches in the last round, and in the one before; scaled, so that sums stay finite.
+var<workgroup> last_sums: array<vec3<f32>, 256>;
+var<workgroup> before_sums: array<vec3<f32>, 256>;
+
+/// Replaces the flux of the last round by that of all rounds, those that were not run included: rounds
+/// soon differ by a factor, as powers of a matrix do (Aitken 1926), so their sum is a geometric series.
+/// One workgroup.
+@compute @workgroup_size(SUM_LANES)
+fn sum_rounds(@builtin(local_invocation_index) lane: u32) {
+    let count = arrayLength(&light);
+    var last = vec3(0.0);
+    var before = vec3(0.0);
+    for (var i = lane; i < count; i += SUM_LANES) {
+        last += texels[range.first_texel + i].flux * 1e-5;
+        before += light[i].before * 1e-5;
+    }
+    last_sums[lane] = last;
+    before_sums[lane] = before;
+    workgroupBarrier();
+    for (var half = SUM_LANES / 2u; half > 0u; half /= 2u) {
+        if lane < half {
+            last_sums[lane] += last_sums[lane + half];
+            before_sums[lane] += before_sums[lane + half];
+        }
+        workgroupBarrier();
+    }
+    let ratio = min(last_sums[0] / max(before_sums[0], vec3(1e-30)), vec3(range.largest_ratio));
+    let rest = ratio / (1.0 - ratio);
+    for (var i = lane; i < count; i += SUM_LANES) {
+        let own = texels[range.first_texel + i].flux;
+        texels[range.first_texel + i].flux = min(light[i].total + own * rest, vec3(MAX_FLUX));
+    }
 }

@@ -153,7 +153,7 @@ pub(in crate::gi) struct SamplingBuffers {
 
 impl SamplingBuffers {
     /// Buffers for at least one row.
-    fn new(device: &RenderDevice, rows: Arc<Vec<TexelRow>>) -> Self {
+    pub(crate) fn new(device: &RenderDevice, rows: Arc<Vec<TexelRow>>) -> Self {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let empty = |label, size| empty_buffer(device, label, size, usage);
         let texels = rows.iter().map(|row| u64::from(row.length)).sum::<u64>();
@@ -177,12 +177,12 @@ impl SamplingBuffers {
     }
 
     /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_layout).
-    fn set_rows(&mut self, queue: &RenderQueue, rows: Arc<Vec<TexelRow>>) {
+    pub(crate) fn set_rows(&mut self, queue: &RenderQueue, rows: Arc<Vec<TexelRow>>) {
         queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(rows.as_slice()));
         self.rows = rows;
     }
 
-    fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         let Self { row_table, importance, occluded_tiles, texel_cdf, row_cdf, .. } = self;
         bytes_of([row_table, importance, occluded_tiles, texel_cdf, row_cdf])
     }

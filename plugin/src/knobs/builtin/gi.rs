@@ -94,12 +94,14 @@ pub(super) fn environment_samples() -> FieldKnob {
     )
 }
 
-/// Number of diffuse bounces; emissive surfaces and the sky get one fewer. Higher levels brighten
+/// Number of diffuse bounces, 9 for all; emissive surfaces and the sky get one fewer. Higher levels brighten
 /// indirectly lit areas and trace more rays. Opt-in: more bounces brighten the whole image, and
 /// that difference would mask the errors of the other knobs' cheaper levels.
 pub(super) fn bounces() -> FieldKnob {
+    let counts = [1, 2, 3].map(|count: u32| (f64::from(count), count.to_string()));
+    let all = (f64::from(FrugalGi::ALL_BOUNCES), "all".to_owned());
     FieldKnob::new(
-        Knob::new("gi_bounces", [1.0, 2.0, 3.0]).needing("gi_visibility", 1),
+        Knob::labelled("gi_bounces", counts.into_iter().chain([all])).needing("gi_visibility", 1),
         KnobField::new(|gi: &mut FrugalGi| &mut gi.bounces, |level, _| level.value as u32),
     )
     .opt_in()

@@ -200,11 +200,11 @@ pub(crate) struct AccuracyRow {
     pub(crate) image_error: f64,
 }
 
-/// A number of bounces against three of the reference.
+/// A number of bounces against all of the reference.
 #[derive(Deserialize)]
 pub(crate) struct BounceRow {
     pub(crate) scene: String,
-    pub(crate) bounces: u32,
+    pub(crate) bounces: String,
     pub(crate) cost: f64,
     pub(crate) mean_ratio: f64,
     pub(crate) error: f64,

@@ -260,8 +260,8 @@ fn bounces(data: &Data) -> String {
     scenes.dedup();
     let mut header = vec!["bounces"];
     header.extend(&scenes);
-    let rows = [1, 2, 3].map(|bounces| {
-        let mut cells = vec![bounces.to_string()];
+    let rows = ["1", "2", "3", "all"].map(|bounces| {
+        let mut cells = vec![bounces.to_owned()];
         cells.extend(scenes.iter().map(|scene| {
             let row = rows.iter().find(|row| row.scene == *scene && row.bounces == bounces);
             row.map_or(String::new(), |row| {

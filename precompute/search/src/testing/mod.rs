@@ -48,7 +48,8 @@ fn plugin_knobs() -> Vec<Knob> {
         )
         .needing("gi_vpl_count", 1),
         Knob::new("gi_environment_samples", [0.0, 8.0, 16.0, 32.0]).needing("gi_visibility", 1),
-        Knob::new("gi_bounces", [1.0, 2.0, 3.0]).needing("gi_visibility", 1),
+        Knob::labelled("gi_bounces", [(1.0, "1"), (2.0, "2"), (3.0, "3"), (9.0, "all")])
+            .needing("gi_visibility", 1),
         Knob::new("rsm_resolution", [64.0, 128.0, 256.0]).needing("gi_vpl_count", 1),
         Knob::labelled("gi_refresh_period", [(0.125, "8"), (0.25, "4"), (0.5, "2"), (1.0, "1")])
             .needing("gi_vpl_count", 1),

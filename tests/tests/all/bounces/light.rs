@@ -25,7 +25,8 @@ use super::{RAYS, patches, with_bounces};
 
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
-    a_second_bounce_is_near_the_reference,
+    two_bounces_and_all_are_near_the_reference,
+    all_bounces_are_three_and_the_rest_of_a_series,
     patches_match_their_cpu_reference,
     patches_reflect_the_colours_of_their_texture,
     emissive_surfaces_and_the_sky_are_reflected_too,
@@ -51,14 +52,17 @@ fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
         // VPL than the radius of its disk.
         assert!(mean <= 0.003 * f64::from(bounces) && most <= 0.02, "{bounces}: {most} {mean}");
     }
-    let most = set::radiance(with_bounces(&mut stage, u32::MAX));
-    assert!(most == set::radiance(with_bounces(&mut stage, FrugalGi::MAX_BOUNCES)));
+    let all = set::radiance(with_bounces(&mut stage, FrugalGi::ALL_BOUNCES));
+    let (most, mean) = deviation(&all, direct * stored / (1.0 - stored));
+    println!("    all: off by at most {:.1} %, {:.2} % in the mean", most * 100.0, mean * 100.0);
+    assert!(mean <= 0.02 && most <= 0.03, "{most} {mean}");
+    assert!(set::radiance(with_bounces(&mut stage, u32::MAX)) == all);
     assert!(
         set::radiance(with_bounces(&mut stage, 0)) == set::radiance(with_bounces(&mut stage, 1))
     );
 }
 
-fn a_second_bounce_is_near_the_reference() {
+fn two_bounces_and_all_are_near_the_reference() {
     let size = UVec2::new(64, 36);
     let tracing = Tracing { size, samples: 256, seed: 1, pixels: Pixels::Middle };
     for (name, eye, target) in [
@@ -71,19 +75,54 @@ fn a_second_bounce_is_near_the_reference() {
             set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
         stage.place(pose.position, pose.rotation);
         set::apply(&mut stage, "max,rsm_resolution=128");
-        let reference = reference::bounces(&scene, pose, tracing, 2);
-        let off = |stage: &mut Stage, bounces| {
-            Difference::new(&set::radiance(with_bounces(stage, bounces)), &reference, None)
-                .expect("images of equal size")
+        let mut off = |bounces, most| {
+            let reference = reference::bounces(&scene, pose, tracing, most);
+            let found = set::radiance(with_bounces(&mut stage, bounces));
+            Difference::new(&found, &reference, None).expect("images of equal size")
         };
-        let (one, two) = (off(&mut stage, 1), off(&mut stage, 2));
-        println!(
-            "    {name} from {eye}: one bounce {:.3}, two {:.3} of the mean, off by {:.3}",
-            one.mean_ratio, two.mean_ratio, two.relative_l1_boxes
-        );
-        assert!((two.mean_ratio - 1.0).abs() < 0.06 && two.relative_l1_boxes < 0.15, "{two:?}");
-        assert!(one.mean_ratio < 0.9, "the second bounce is visible: {one:?}");
+        for (label, bounces, most) in
+            [("two bounces", 2, Some(2)), ("all", FrugalGi::ALL_BOUNCES, None)]
+        {
+            let (fewer, found) = (off(bounces - 1, most), off(bounces, most));
+            println!(
+                "    {name} from {eye}: {label} {:.3} of the mean, off by {:.3}; one fewer {:.3}",
+                found.mean_ratio, found.relative_l1_boxes, fewer.mean_ratio
+            );
+            assert!((found.mean_ratio - 1.0).abs() < 0.06, "{name}, {label}: {found:?}");
+            assert!(found.relative_l1_boxes < 0.15, "{name}, {label}: {found:?}");
+        }
+        assert!(off(1, Some(2)).mean_ratio < 0.9, "the second bounce is visible");
+        assert!(off(3, None).mean_ratio < 0.9, "bounces after the third are visible");
     }
+}
+
+/// Light of patches in three bounces and in all, from that of two: a geometric series.
+fn all_bounces_are_three_and_the_rest_of_a_series() {
+    let mut stage =
+        set::open(&set::scene("cornell"), set::radiance_options(32, 18, Component::Indirect));
+    set::look(&mut stage, Vec3::new(0.0, 2.75, 8.0), Vec3::new(0.0, 2.75, 0.0));
+    set::apply(&mut stage, RAYS);
+    let mut light = |bounces| {
+        set::radiance(with_bounces(&mut stage, bounces));
+        patches(&stage).iter().map(|patch| patch.flux.map(f64::from)).collect::<Vec<_>>()
+    };
+    let (two, three, all) = (light(2), light(3), light(FrugalGi::ALL_BOUNCES));
+    let sum =
+        |light: &[[f64; 3]], channel: usize| light.iter().map(|own| own[channel]).sum::<f64>();
+    let mut worst = 0.0f64;
+    for channel in 0..3 {
+        let ratio = sum(&three, channel) / sum(&two, channel) - 1.0;
+        println!("    ratio of channel {channel}: {ratio:.3}");
+        assert!(ratio > 0.1 && ratio < 0.9, "{ratio}");
+        for ((two, three), all) in two.iter().zip(&three).zip(&all) {
+            let third = three[channel] - two[channel];
+            let expected = three[channel] + third * ratio / (1.0 - ratio);
+            assert!(third >= -1e-4 * two[channel].abs(), "a bounce adds light");
+            worst = worst.max((all[channel] - expected).abs() / expected.max(1e-3));
+        }
+    }
+    println!("    off by at most {worst:.1e}");
+    assert!(worst < 1e-3, "{worst}");
 }
 
 /// Without occluders, each patch receives the light of all bounce VPLs.
