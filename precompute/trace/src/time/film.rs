@@ -43,6 +43,9 @@ pub enum TimeError {
     /// A bandwidth, radius, frequency or intensity is not finite or not above 0.
     #[error("a bandwidth, radius, frequency or intensity must be finite and above 0")]
     NotPositive,
+    /// A list has not one value for each pixel.
+    #[error("a capture needs one value for each pixel of its view")]
+    Pixels,
     /// Beams are in fog.
     #[error("the scene has no fog")]
     NoFog,

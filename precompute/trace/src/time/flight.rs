@@ -41,8 +41,8 @@ pub fn range(frequency: f64) -> f64 {
     SPEED_OF_LIGHT / (2.0 * frequency)
 }
 
-/// What a time-of-flight camera measured: [`capture`] makes it, so that its lists, by pixel and row by
-/// row, are of one length.
+/// What a time-of-flight camera measured, by pixel and row by row. [`capture`] and
+/// [`new`](Capture::new) make it: its lists are of one length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capture {
     pub(super) frequency: f64,
@@ -118,11 +118,31 @@ pub fn capture(
     let eye = view.pose.position.as_dvec3();
     let hits = surfaces(scene, view).into_iter();
     let distances = hits.map(|hit| hit.map(|hit| hit.position.distance(eye))).collect();
-    let (width, rays) = (view.size.x as usize, view.rays());
-    Ok(Capture { frequency, width, all: pick(0), direct: pick(1), distances, rays })
+    Capture::new(view, frequency, [pick(0), pick(1)], distances)
 }
 
 impl Capture {
+    /// What another renderer measured at `frequency`, hertz, in `view`: phasors of all light and of
+    /// light that was scattered once, nits, and true distances, metres.
+    ///
+    /// # Errors
+    /// When the frequency is not above 0, or a list has not one value for each pixel.
+    pub fn new(
+        view: &View,
+        frequency: f64,
+        [all, direct]: [Vec<DVec2>; 2],
+        distances: Vec<Option<f64>>,
+    ) -> Result<Self, TimeError> {
+        if !(frequency.is_finite() && frequency > 0.0) {
+            return Err(TimeError::NotPositive);
+        }
+        let rays = view.rays();
+        if [all.len(), direct.len(), distances.len()] != [rays.len(); 3] {
+            return Err(TimeError::Pixels);
+        }
+        Ok(Self { frequency, width: view.size.x as usize, all, direct, distances, rays })
+    }
+
     /// Phasors of all light that surfaces or fog scattered, nits.
     pub fn all(&self) -> &[DVec2] {
         &self.all

@@ -258,6 +258,23 @@ fn a_lamp_at_the_eye_shows_true_depth_and_light_of_two_bounces_can_be_taken_off(
 }
 
 #[test]
+fn captures_of_other_renderers_are_of_their_view() {
+    let view = edge().1;
+    let count = view.size.element_product() as usize;
+    let of = |frequency, count: usize| {
+        let phasors = vec![phasor(2.0, 3.0, 20e6); count];
+        Capture::new(&view, frequency, [phasors.clone(), phasors], vec![Some(1.5); count])
+    };
+    let capture = of(20e6, count).unwrap();
+    let depths = capture.depths(capture.all());
+    assert!(depths.iter().flatten().all(|depth| (depth - 1.5).abs() < 1e-9), "{:?}", depths[0]);
+    assert_eq!(of(20e6, count - 1), Err(TimeError::Pixels));
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(of(bad, count), Err(TimeError::NotPositive));
+    }
+}
+
+#[test]
 fn light_of_two_bounces_is_taken_off_images_of_any_size() {
     let (scene, wide) = edge();
     for size in [[0, 0], [0, 3], [1, 1], [5, 1], [1, 5], [2, 2], [3, 7]] {
