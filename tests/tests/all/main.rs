@@ -38,6 +38,7 @@ mod sampling;
 mod shaders;
 mod skylight;
 mod stability;
+mod time_of_flight;
 mod viewports;
 mod visibility;
 mod weak;
@@ -93,6 +94,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("shaders", shaders::TESTS, false),
     ("skylight", skylight::TESTS, true),
     ("stability", stability::TESTS, true),
+    ("time_of_flight", time_of_flight::TESTS, true),
     ("viewports", viewports::TESTS, true),
     ("visibility", visibility::TESTS, true),
     ("weak", weak::TESTS, true),
