@@ -54,14 +54,22 @@ impl Deref for StagedScene {
 }
 
 impl Drop for StagedScene {
+    /// What a file's scene lacks is said once its command is through. What an app's lacks, only path
+    /// tracing shows.
     fn drop(&mut self) {
-        for gap in &self.scene.gaps {
-            eprintln!("warning: {}: {gap}", self.label);
+        if self.level.is_none() {
+            self.warn();
         }
     }
 }
 
 impl StagedScene {
+    fn warn(&self) {
+        for gap in &self.scene.gaps {
+            eprintln!("warning: {}: {gap}", self.label);
+        }
+    }
+
     /// Loads a scene file.
     ///
     /// # Errors
@@ -146,6 +154,7 @@ impl StagedScene {
             Some(ExtractedSky::Constant(radiance)) => Sky::constant(*radiance),
             Some(ExtractedSky::Map(map, intensity)) => Sky::map(map.clone(), *intensity),
         };
+        self.warn();
         self.scene.reference_under(sky)
     }
 
