@@ -1,9 +1,9 @@
 //! A time-of-flight camera, and how far light that took detours misleads it.
 //!
-//! The lamp of such a camera is modulated, and the camera takes the phase of what returns for distance.
+//! The light of such a camera is modulated, and the camera takes the phase of what returns for distance.
 //! Light that went from wall to wall returns later. Look at the third panel: what other surfaces light
 //! is measured too far (red), most of all the darkest, such as the sides of boxes that face away; in
-//! the corner itself detours are short. The plugin's virtual point lights, of a lamp at the eye, are
+//! the corner itself detours are short. The plugin's virtual point lights, of a light at the eye, are
 //! the places where that light turned, so that a pass of the example knows the length of every detour.
 //! The last panel is corrected as such a camera could do it: it takes off the light of one detour that
 //! its own image implies. Where that is too much, depth is too near (blue).
@@ -92,8 +92,8 @@ fn set_up(
     let view = room::view(SIZE);
     let pose = Transform::from_translation(view.pose.position).with_rotation(view.pose.rotation);
     let [inner_angle, outer_angle] = room::CONE_DEGREES.map(f32::to_radians);
-    let lamp = SpotLight {
-        // Bevy spreads a lamp's lumens over the sphere, whatever its cone.
+    let light = SpotLight {
+        // Bevy spreads a light's lumens over the sphere, whatever its cone.
         intensity: room::CANDELA * 4.0 * std::f32::consts::PI,
         range: room::RANGE,
         inner_angle,
@@ -101,7 +101,7 @@ fn set_up(
         shadow_maps_enabled: true,
         ..default()
     };
-    commands.spawn((lamp, pose));
+    commands.spawn((light, pose));
     let lens = PerspectiveProjection {
         fov: view.vertical_fov_degrees.to_radians(),
         near: view.near,

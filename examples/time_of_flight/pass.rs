@@ -29,7 +29,7 @@ const FLOATS: usize = 6;
 pub(crate) struct Sensor {
     /// Modulation, hertz.
     pub(crate) frequency: f64,
-    /// Luminous intensity of the lamp at the eye, candela.
+    /// Luminous intensity of the light at the eye, candela.
     pub(crate) intensity: f32,
     /// What [`capture`] reads. Zeros until the pass has run.
     pub(crate) pixels: Handle<ShaderBuffer>,

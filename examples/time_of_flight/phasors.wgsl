@@ -1,4 +1,4 @@
-// What each pixel of a time-of-flight camera measures: for every path of light from the lamp at the eye
+// What each pixel of a time-of-flight camera measures: for every path from the light at the eye
 // back to the eye, its amplitude times cos φ and sin φ, where φ is the turns of the modulation over the
 // path's length.
 //
@@ -19,7 +19,7 @@
 struct Sensor {
     /// Turns of the modulation in a metre of path.
     turns_per_metre: f32,
-    /// Intensity of the lamp, candela.
+    /// Intensity of the light, candela.
     intensity: f32,
     /// Sets of VPLs, of which each alone carries the total flux.
     sets: u32,

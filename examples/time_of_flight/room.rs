@@ -1,4 +1,4 @@
-//! The room, and the camera with its lamp: rendered by the example, and path-traced by a test of it.
+//! The room, and the camera with its light: rendered by the example, and path-traced by a test of it.
 
 use bevy::prelude::*;
 use frugal_trace::integrator::View;
@@ -17,15 +17,15 @@ pub(crate) const BLOCKS: [(Vec3, Vec3, Color); 5] = [
     (vec3(0.7, 0.5, 0.7), vec3(-1.0, 0.25, 0.2), WALL),
 ];
 
-/// The camera and its lamp, metres; and a point that it looks at.
+/// The camera and its light, metres; and a point that it looks at.
 const EYE: Vec3 = vec3(1.5, 1.4, 1.7);
 const TARGET: Vec3 = vec3(-1.2, 1.0, -1.2);
 const FIELD_OF_VIEW_DEGREES: f32 = 60.0;
 const NEAR: f32 = 0.01;
 
-/// Luminous intensity of the lamp in all of the image, candela.
+/// Luminous intensity of the light in all of the image, candela.
 pub(crate) const CANDELA: f32 = 500.0;
-/// Range of the lamp, metres: so long that Bevy's window on a light's range takes nothing.
+/// Range of the light, metres: so long that Bevy's window on a light's range takes nothing.
 pub(crate) const RANGE: f32 = 1e3;
 /// Half angles of its cone, degrees: all of an image of 16 to 9 lies in the inner one.
 pub(crate) const CONE_DEGREES: [f32; 2] = [51.0, 60.0];

@@ -7,15 +7,12 @@
 //! Indirect light of punctual lights between Lambertian surfaces, at the default settings. Cost is that of
 //! a frame whose maps are rendered, ÷ that with three bounces.
 
-use std::path::Path;
-
 use bevy::math::UVec2;
 use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
-use frugal::scene;
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, median};
-use frugal_tests::reference::{Tracing, bounces, without_environment};
+use frugal_tests::reference::{Tracing, bounces, view as parse_view};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
 use frugal_trace::integrator::Pixels;
@@ -57,14 +54,7 @@ fn main() {
 }
 
 fn measure(view: &str, options: &Arguments, rows: &mut Vec<Vec<String>>) {
-    let (name, seconds) = view.split_once('@').unwrap_or((view, "0"));
-    let seconds: f32 = seconds.parse().unwrap_or_else(|error| panic!("{view}: {error}"));
-    let scene = if name.ends_with(".ron") {
-        scene::load(Path::new(name)).unwrap_or_else(|error| panic!("{error}")).description
-    } else {
-        set::scene(name)
-    };
-    let scene = without_environment(&scene);
+    let (scene, seconds) = parse_view(view);
     let pose =
         scene.paths["tour"].sample(seconds).unwrap_or_else(|| panic!("{view}: no such time"));
     let tracing = Tracing {
@@ -96,10 +86,10 @@ fn measure(view: &str, options: &Arguments, rows: &mut Vec<Vec<String>>) {
         }
     }
     let costs = readings.map(median);
-    let name = name.rsplit('/').next().unwrap_or(name).trim_end_matches(".scene.ron");
+    let name = view.rsplit('/').next().unwrap_or(view);
     for (((label, _), found), cost) in BOUNCES.iter().zip(found).zip(costs) {
         let row = vec![
-            format!("{name}, {seconds} s"),
+            name.to_owned(),
             (*label).to_owned(),
             format!("{:.2}", cost / costs[2]),
             format!("{:.3}", found.mean_ratio),

@@ -8,14 +8,12 @@
 //! Error is relative L1 of 4×4 means of indirect light, one bounce between Lambertian surfaces without a
 //! sky. References are kept in the folder of temporary files.
 
-use std::path::PathBuf;
-
 use bevy::math::UVec2;
 use bevy_frugal_gi::gi::inspect;
-use frugal::scene::{self, CameraPath, SceneDescription};
+use frugal::scene::{CameraPath, SceneDescription};
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
-use frugal_tests::reference::{Tracing, one_bounce, without_environment};
+use frugal_tests::reference::{Tracing, one_bounce, view as parse_view};
 use frugal_tests::table::markdown;
 use frugal_tests::{gpu, set};
 use frugal_trace::integrator::Pixels;
@@ -59,19 +57,6 @@ fn main() {
         "of that light",
     ];
     println!("{}", markdown(&head, &rows));
-}
-
-/// The scene and the time of a view.
-fn parse(view: &str) -> (SceneDescription, f32) {
-    let (name, seconds) = view.split_once('@').unwrap_or((view, "0"));
-    let seconds = seconds.parse().unwrap_or_else(|error| panic!("{view}: {error}"));
-    let scene = match name.ends_with(".ron") {
-        true => {
-            scene::load(PathBuf::from(name)).unwrap_or_else(|error| panic!("{error}")).description
-        }
-        false => set::scene(name),
-    };
-    (without_environment(&scene), seconds)
 }
 
 fn reference(view: &str, scene: &SceneDescription, seconds: f32, options: &Arguments) -> Radiance {
@@ -120,7 +105,7 @@ fn frame(stage: &mut Stage, scene: &SceneDescription, seconds: f32) -> [u32; 2] 
 }
 
 fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Vec<String>>) {
-    let (scene, seconds) = parse(view);
+    let (scene, seconds) = parse_view(view);
     let truth = reference(view, &scene, seconds, options);
     let mut stage = set::open(
         &scene,

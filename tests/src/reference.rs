@@ -6,7 +6,7 @@ use bevy::asset::Assets;
 use bevy::math::UVec2;
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
-use frugal::scene::{Environment, LoadedScene, SceneDescription};
+use frugal::scene::{self, Environment, LoadedScene, SceneDescription};
 use frugal::stage::Stage;
 use frugal_trace::bsdf::Shading;
 use frugal_trace::integrator::{
@@ -21,6 +21,22 @@ use crate::set;
 /// measured methods do not render.
 pub fn without_environment(scene: &SceneDescription) -> SceneDescription {
     SceneDescription { environment: Environment::None, ..scene.clone() }
+}
+
+/// The scene and the time of a view in the arguments of benchmarks, `SCENE@SECONDS`: a scene of the
+/// repository or a scene file, [without its environment light](without_environment).
+///
+/// # Panics
+/// If it is neither, or the time no number.
+pub fn view(text: &str) -> (SceneDescription, f32) {
+    let (name, seconds) = text.split_once('@').unwrap_or((text, "0"));
+    let seconds = seconds.parse().unwrap_or_else(|error| panic!("{text}: {error}"));
+    let scene = if name.ends_with(".ron") {
+        scene::load(name).unwrap_or_else(|error| panic!("{error}")).description
+    } else {
+        set::scene(name)
+    };
+    (without_environment(&scene), seconds)
 }
 
 /// Settings of a reference.

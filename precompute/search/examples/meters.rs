@@ -85,10 +85,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     ..Default::default()
                 };
                 let budget = request.resolve(Watts(low), Watts(high));
-                let lens = (file.lens[0], file.lens[1]);
                 let settings = ControlSettings::default();
                 let mut policy = Metered {
-                    controller: Controller::new(map, &budget, lens, settings),
+                    controller: Controller::new(map, &budget, file.lens.into(), settings),
                     pending: VecDeque::new(),
                     late: (late * file.fps) as usize,
                     left: (lost_at * file.fps) as usize,

@@ -141,7 +141,7 @@ fn print(
         scene: &file.scene,
         record: &record,
         map,
-        lens: (file.lens[0], file.lens[1]),
+        lens: file.lens.into(),
         size: file.size,
         meter: &map.meter,
         control: ControlSettings::default(),

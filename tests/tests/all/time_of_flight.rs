@@ -1,4 +1,4 @@
-//! The example `time_of_flight` against path tracing: the same room, lamp and camera.
+//! The example `time_of_flight` against path tracing: the same room, light and camera.
 
 #[path = "../../../examples/time_of_flight/pass.rs"]
 mod pass;
@@ -16,6 +16,7 @@ use bevy::render::render_asset::RenderAssets;
 use bevy::render::storage::{GpuShaderBuffer, ShaderBuffer};
 use bevy_frugal_gi::gi::{GiInterleave, GiShading, GiVisibility};
 use frugal::stage::{Component, Stage};
+use frugal_tests::cost::quantile;
 use frugal_tests::{gpu, meshes, set};
 use frugal_trace::bsdf::Shading;
 use frugal_trace::integrator::{Pixels, ReferenceScene, Settings, Watch};
@@ -33,7 +34,7 @@ const SIZE: UVec2 = UVec2::new(48, 27);
 /// Hertz.
 const FREQUENCY: f64 = 20e6;
 
-fn lamp() -> Light {
+fn light() -> Light {
     let pose = room::view(SIZE).pose;
     let [inner_angle, outer_angle] = room::CONE_DEGREES;
     Light::Spot {
@@ -49,7 +50,7 @@ fn lamp() -> Light {
 
 fn stage() -> Stage {
     let mut stage =
-        set::bare_with(vec![lamp()], set::radiance_options(48, 27, Component::Indirect), |app| {
+        set::bare_with(vec![light()], set::radiance_options(48, 27, Component::Indirect), |app| {
             app.add_plugins(pass::PhasorPlugin);
         });
     for (size, centre, color) in room::BLOCKS {
@@ -100,7 +101,7 @@ fn traced(bounces: Option<u32>) -> Capture {
         geometry.materials.push(SceneMaterial { base_color, ..Default::default() });
     }
     let rays = RayScene::from_geometry(&geometry);
-    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[lamp()], Sky::Black)
+    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[light()], Sky::Black)
         .unwrap_or_else(|error| panic!("{error}"));
     let settings = Settings {
         samples: 1024,
@@ -119,8 +120,7 @@ static ONE_BOUNCE: LazyLock<Capture> = LazyLock::new(|| traced(Some(1)));
 fn quantiles(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let mut values: Vec<f64> = values.collect();
     assert!(!values.is_empty() && values.iter().all(|value| value.is_finite()), "{values:?}");
-    values.sort_by(f64::total_cmp);
-    [50, 90].map(|share| values[values.len() * share / 100])
+    [0.5, 0.9].map(|share| quantile(&mut values, share))
 }
 
 /// Differences of phases, degrees, and of amplitudes, as shares.
