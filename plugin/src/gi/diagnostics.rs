@@ -21,7 +21,7 @@ use crate::gi::schedule::supported_render_app;
 use crate::gi::sky::SkyCamera;
 use crate::gi::texels::TexelStore;
 use crate::gi::trace::OccluderBuffers;
-use crate::gi::view::{GiFrame, GiView};
+use crate::gi::view::{GiFrame, GiShare, GiView};
 use crate::gi::vpl::VplView;
 
 /// GI's work in the last frame. A resource of the render world; the main world has it as
@@ -143,7 +143,7 @@ fn count(
     store: Res<TexelStore>,
     occluders: Res<OccluderBuffers>,
     views: Query<(
-        &GiView,
+        (&GiView, &GiShare),
         &VplView,
         &GatherView,
         Option<&CacheView>,
@@ -163,10 +163,11 @@ fn count(
         bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
         ..GiCounts::default()
     };
-    for (view, vpl, gather, cache, forward, has_fog, history, bounces) in &views {
+    for ((view, share), vpl, gather, cache, forward, has_fog, history, bounces) in &views {
         counts.cameras += u32::from(view.work.gather);
         counts.settling += u32::from(
-            history.is_some_and(History::is_converging)
+            share.0 < 1.0
+                || history.is_some_and(History::is_converging)
                 || view.work.gather && cache.is_some_and(CacheView::is_settling),
         );
         counts.vpls += vpl.sampled(view);

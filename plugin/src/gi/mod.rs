@@ -61,7 +61,6 @@ use bevy::material::labels::DrawFunctionLabel;
 use bevy::material::{OpaqueRendererMethod, RenderPhaseType};
 use bevy::pbr::{DefaultOpaqueRendererMethod, MainPassAlphaMaskDrawFunction, PreparedMaterial};
 use bevy::render::erased_render_asset::ErasedRenderAssets;
-use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::WgpuLimits;
 use bevy::render::view::Msaa;
@@ -139,7 +138,6 @@ impl Plugin for GiPlugin {
         });
         schedule::configure_main_world(app);
         app.add_plugins((
-            ExtractComponentPlugin::<FrugalGi>::default(),
             view::ViewPlugin,
             texels::TexelPlugin,
             surfaces::SurfacesPlugin,

@@ -35,6 +35,8 @@ pub enum GiSystems {
 /// In the main world's `PostUpdate`.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum SceneSystems {
+    /// What each camera gathers by is decided.
+    Settings,
     /// Changes of meshes are noted, for the sets below.
     Changes,
     /// Cameras of reflective shadow maps are spawned, moved and despawned.
@@ -109,11 +111,12 @@ pub(super) fn configure_main_world(app: &mut App) {
     app.configure_sets(
         PostUpdate,
         (
+            SceneSystems::Settings.after(KnobSystems::Apply),
             SceneSystems::Changes,
             // Cameras, lights and meshes are where this frame shows them, whoever propagates their
             // transforms; nothing was made yet for the maps' cameras.
             SceneSystems::Maps
-                .after(KnobSystems::Apply)
+                .after(SceneSystems::Settings)
                 .after(CameraUpdateSystems)
                 .after(TransformSystems::Propagate)
                 .after(SceneSystems::Changes)

@@ -5,7 +5,6 @@ use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
-use bevy::render::extract_component::ExtractComponent;
 use bevy::render::view::Msaa;
 
 /// Global illumination on this camera, from three sources: diffuse [bounces](Self::bounces) of
@@ -15,7 +14,7 @@ use bevy::render::view::Msaa;
 ///
 /// Needs deferred rendering, which [`GiPlugin`](super::GiPlugin) makes the default, and no
 /// multisampling. A camera without this component costs nothing.
-#[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
+#[derive(Component, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
 pub struct FrugalGi {
@@ -23,7 +22,9 @@ pub struct FrugalGi {
     /// [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT). Each low-resolution pixel evaluates its
     /// [interleaved](Self::interleave) share, at most
     /// [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL). Higher values: less noise, at proportional
-    /// cost. Lower values: blotchier. 0 turns GI off, at no cost. Default: 1024.
+    /// cost. Lower values: blotchier. 0 turns GI off: its light
+    /// fades within half a second, or at a [cut](super::CameraCut) at once, and then costs nothing; light
+    /// that is switched on comes as gradually. Default: 1024.
     pub vpl_count: u32,
     /// Side of a square of low-resolution pixels that share the VPLs: each evaluates another part,
     /// and a filter along surfaces averages the square. Larger: softer, and cheaper in proportion

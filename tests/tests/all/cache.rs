@@ -293,7 +293,7 @@ fn nothing_to_light_is_no_light() {
     // A thousand kilometres away nothing lies where it should, but all is finite.
     set::look(&mut stage, Vec3::new(1e6, 1.2, 3.0), Vec3::new(1e6, 0.8, -2.0));
     assert!(set::radiance(&mut stage).rgb.iter().flatten().all(|value| value.is_finite()));
-    set::switch(&mut stage, &format!("{PLAIN},gi_vpl_count=0"));
+    set::apply(&mut stage, &format!("{PLAIN},gi_vpl_count=0"));
     stage.frame();
     assert_costs_nothing(&mut stage);
 }

@@ -21,6 +21,7 @@ tests!(
     a_camera_without_gi_costs_nothing,
     a_camera_without_gi_shows_every_light,
     gi_is_the_same_after_it_was_switched_off_and_on,
+    light_that_is_switched_comes_and_goes_in_even_steps,
     moving_the_light_moves_the_bounce,
     moving_an_object_changes_the_bounce,
     a_light_and_a_camera_can_change_places,
@@ -154,6 +155,31 @@ fn gi_is_the_same_after_it_was_switched_off_and_on() {
 }
 
 /// Helmholtz's reciprocity. The places differ in distance, slope and colour of what is there.
+fn light_that_is_switched_comes_and_goes_in_even_steps() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let lit = set::radiance(&mut stage).mean();
+    let off = format!("{PLAIN},gi_vpl_count=0");
+    // Half a second at 30 frames a second.
+    const FRAMES: usize = 15;
+    for (settings, from, to) in [(off.as_str(), 1.0, 0.0), (PLAIN, 0.0, 1.0)] {
+        set::switch(&mut stage, settings);
+        for step in 1..=FRAMES {
+            stage.frame();
+            let shown = stage.radiance().expect("radiance").mean() / lit;
+            let share = from + (to - from) * step as f64 / FRAMES as f64;
+            assert!((shown - share).abs() < 0.01, "{settings}, frame {step}: {shown}, not {share}");
+        }
+        stage.frame();
+        if to == 0.0 {
+            assert_costs_nothing(&mut stage);
+        }
+    }
+    // At a cut at once.
+    set::apply(&mut stage, &off);
+    stage.frame();
+    assert_eq!(stage.radiance().expect("radiance").mean(), 0.0);
+}
+
 fn a_light_and_a_camera_can_change_places() {
     let at_floor = (Vec3::new(-1.2, 1.2, 0.8), Vec3::new(-0.6, 0.0, -0.4));
     let at_wall = (Vec3::new(1.4, 1.8, 1.0), Vec3::new(0.5, 1.1, -1.9));

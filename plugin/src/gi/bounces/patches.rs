@@ -11,11 +11,10 @@ use bevy::render::extract_resource::ExtractResource;
 use super::choice::{Candidate, PATCHES, Patch, PatchFocus, choose, rank};
 use super::points::{PatchInstance, PatchKey, PatchPoints, refine};
 use crate::cut::{CameraCut, Jumps};
-use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     MeshChanges, Reflectance, SurfaceAssets, SurfaceEvents, SurfaceMesh, SurfaceSet, area_matrix,
 };
-use crate::gi::view::{GiCameras, LightPresence};
+use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
 
 /// A camera's patches.
 #[derive(Clone, Debug)]
@@ -119,7 +118,7 @@ pub(super) fn update(
     cameras: Query<(
         Entity,
         &Camera,
-        &FrugalGi,
+        &ActiveGi,
         &GlobalTransform,
         Has<EnvironmentMapLight>,
         Has<CameraCut>,

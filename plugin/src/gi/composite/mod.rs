@@ -32,7 +32,7 @@ use super::gather::GatherView;
 use super::schedule::{GiSystems, supported_render_app};
 use super::settings::{FrugalGi, GiOutput};
 use super::sky::SkyCamera;
-use super::view::{GiView, SkySource};
+use super::view::{GiShare, GiView, SkySource};
 use pipelines::{CompositePipeline, CompositePipelines};
 
 pub(super) struct CompositePlugin;
@@ -73,6 +73,7 @@ impl Plugin for CompositePlugin {
 #[derive(QueryData)]
 pub(super) struct CompositeView {
     gi: &'static FrugalGi,
+    share: &'static GiShare,
     camera: &'static ExtractedCamera,
     target: &'static ViewTarget,
     prepass: &'static ViewPrepassTextures,
@@ -168,6 +169,7 @@ fn draw(
             if let Some(viewport) = &view.camera.viewport {
                 pass.set_camera_viewport(viewport);
             }
+            pass.set_blend_constant(LinearRgba::gray(view.share.0));
             pass.set_render_pipeline(pipeline);
             pass.set_bind_group(0, bind_group, &offsets);
             pass.draw(0..3, 0..1);

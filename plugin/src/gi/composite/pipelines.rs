@@ -77,12 +77,22 @@ impl SpecializedRenderPipeline for CompositePipelines {
         ]);
         shader_defs.push(ShaderDefVal::UInt("CELL_WIDTH".into(), width));
         shader_defs.push(ShaderDefVal::UInt("CELL_HEIGHT".into(), height));
-        let added = |src_factor| BlendComponent {
+        let blended = |src_factor, dst_factor| BlendComponent {
             src_factor,
-            dst_factor: BlendFactor::One,
+            dst_factor,
             operation: BlendOperation::Add,
         };
-        let (color, alpha) = (added(BlendFactor::One), added(BlendFactor::Zero));
+        // The constant is the share of indirect light that the camera shows.
+        let (color, alpha) = match key.replaces {
+            true => (
+                blended(BlendFactor::Constant, BlendFactor::Zero),
+                blended(BlendFactor::One, BlendFactor::Zero),
+            ),
+            false => (
+                blended(BlendFactor::Constant, BlendFactor::One),
+                blended(BlendFactor::Zero, BlendFactor::One),
+            ),
+        };
         RenderPipelineDescriptor {
             label: Some("frugal_gi/composite".into()),
             layout: vec![key.layout()],
@@ -93,7 +103,7 @@ impl SpecializedRenderPipeline for CompositePipelines {
                 entry_point: Some("composite".into()),
                 targets: vec![Some(ColorTargetState {
                     format: key.target_format,
-                    blend: (!key.replaces).then_some(BlendState { color, alpha }),
+                    blend: Some(BlendState { color, alpha }),
                     write_mask: ColorWrites::ALL,
                 })],
             }),

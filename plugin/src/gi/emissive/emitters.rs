@@ -22,14 +22,13 @@ use bevy::render::extract_resource::ExtractResource;
 
 use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
-use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceEvents, SurfaceInstance,
     SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint, Triangles,
     changed_asset, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
-use crate::gi::view::{GiCameras, LightPresence};
+use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
 
 /// Texels of all emissive surfaces, approximately: each surface has a power of two of them, so that
 /// one that flickers does not change the others' texels.
@@ -133,7 +132,7 @@ pub(super) fn update(
         SurfaceEvents,
     ),
     assets: SurfaceAssets,
-    cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
+    cameras: Query<(&Camera, &ActiveGi, Option<&Exposure>)>,
     meshes: Query<SurfaceMesh, Without<SkinnedMesh>>,
     gi_cameras: GiCameras,
     changes: Res<MeshChanges>,

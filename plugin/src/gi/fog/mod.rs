@@ -28,8 +28,7 @@ use bevy::render::{Extract, GpuResourceAppExt, Render, RenderSystems};
 use super::compute::{Kernel, definitions, drop_with};
 use super::forward::{ForwardView, PLACES, places_kernel, volume_uniform, write_places};
 use super::schedule::{PrepareSystems, supported_render_app};
-use super::settings::FrugalGi;
-use super::view::GiView;
+use super::view::{ActiveGi, GiView};
 
 /// Steps of the camera's own march for one of this: indirect light changes slowly.
 const OWN_STEPS: u32 = 4;
@@ -120,7 +119,7 @@ fn extract(
     mut fogs: ResMut<Fogs>,
     volumes: Extract<Query<(&FogVolume, &GlobalTransform)>>,
     lights: Extract<Query<(), With<VolumetricLight>>>,
-    cameras: Extract<Query<(RenderEntity, &FrugalGi, Option<&VolumetricFog>)>>,
+    cameras: Extract<Query<(RenderEntity, &ActiveGi, Option<&VolumetricFog>)>>,
 ) {
     let hides = lights.is_empty();
     let found = volumes.iter().filter_map(|(fog, place)| {

@@ -11,7 +11,7 @@ use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
 use bevy::ecs::entity::EntityHashSet;
 use bevy::image::ImageSampler;
 use bevy::light::cluster::ClusterVisibilityClass;
-use bevy::light::{FogVolume, IrradianceVolume, VolumetricFog};
+use bevy::light::{EnvironmentMapLight, FogVolume, IrradianceVolume, VolumetricFog};
 use bevy::pbr::Transmissive3d;
 use bevy::prelude::*;
 use bevy::render::Extract;
@@ -21,6 +21,7 @@ use bevy::render::sync_world::{MainEntity, RenderEntity};
 use bevy::render::view::ExtractedView;
 
 use crate::gi::settings::{FrugalGi, GiOutput};
+use crate::gi::view::{ActiveGi, ForwardVolume};
 
 /// Places along each axis: powers of two.
 pub(in crate::gi) const PLACES: UVec3 = UVec3::new(32, 16, 32);
@@ -44,10 +45,6 @@ pub(in crate::gi) struct ForwardCamera {
     /// Metres.
     pub spacing: f32,
 }
-
-/// An irradiance volume of ours.
-#[derive(Component)]
-pub(super) struct ForwardVolume;
 
 /// Notes which cameras draw meshes that are not deferred.
 pub(super) fn note_drawn(
@@ -78,21 +75,21 @@ pub(super) fn place(
     mut images: ResMut<Assets<Image>>,
     mut cameras: Query<(
         Entity,
-        &FrugalGi,
+        &ActiveGi,
         &GlobalTransform,
         &Exposure,
         Option<&RenderLayers>,
-        Has<VolumetricFog>,
+        (Has<VolumetricFog>, Has<EnvironmentMapLight>),
         Option<&mut ForwardCamera>,
     )>,
     fogs: Query<(), With<FogVolume>>,
     mut volumes: Query<
         (&mut Transform, &mut GlobalTransform, &mut IrradianceVolume, &mut RenderLayers),
-        (With<ForwardVolume>, Without<FrugalGi>),
+        (With<ForwardVolume>, Without<ActiveGi>),
     >,
 ) {
     let mut drawn = drawn.0.lock().unwrap_or_else(PoisonError::into_inner);
-    for (camera, gi, transform, exposure, layers, has_fog, held) in &mut cameras {
+    for (camera, gi, transform, exposure, layers, (has_fog, has_sky), held) in &mut cameras {
         if gi.fog && has_fog && !fogs.is_empty() {
             drawn.insert(camera);
         }
@@ -113,8 +110,10 @@ pub(super) fn place(
         let base = middle.clamp(Vec3::splat(-1e7), Vec3::splat(1e7)).as_ivec3() - half();
         let place = Transform::from_translation((base + half()).as_vec3() * spacing)
             .with_scale(PLACES.as_vec3() * spacing);
+        // Where Bevy sees a volume, it leaves out the sky's light, which would be missing while this fades.
         // Its light is exposed, so that half floats hold any scene.
-        let intensity = 1.0 / exposure.exposure();
+        let share = if has_sky { 1.0 } else { gi.share() };
+        let intensity = share / exposure.exposure();
         let layers = layers.cloned().unwrap_or_default();
         match held {
             Some(mut held) => {
@@ -176,7 +175,7 @@ pub(super) fn despawn(
 /// Takes volumes from the lists of cameras that they are not for: those of other cameras, and, where a
 /// camera has one and gathers, the app's own, whose light would count twice.
 pub(super) fn show_to_its_camera(
-    mut cameras: Query<(&mut VisibleEntities, Option<(&FrugalGi, &ForwardCamera)>), With<Camera>>,
+    mut cameras: Query<(&mut VisibleEntities, Option<(&ActiveGi, &ForwardCamera)>), With<Camera>>,
     ours: Query<(), With<ForwardVolume>>,
     all: Query<(), With<IrradianceVolume>>,
 ) {

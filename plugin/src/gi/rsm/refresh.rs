@@ -19,9 +19,9 @@ use super::extent::{BoundingSphere, MapExtent};
 use super::map::{LightMap, MapAge, RsmView};
 use super::views::MapsReweighted;
 use crate::cut::Jumps;
-use crate::gi::settings::{FrugalGi, GiLimits};
+use crate::gi::settings::GiLimits;
 use crate::gi::trace::GiOccluders;
-use crate::gi::view::{CameraCut, GiFrame, GiRefresh, MapChanges};
+use crate::gi::view::{ActiveGi, CameraCut, GiFrame, GiRefresh, MapChanges};
 use crate::schedule::PipelinesBusy;
 
 /// A map and its camera.
@@ -39,7 +39,7 @@ pub(super) struct DueMap {
 type Viewer = (
     Entity,
     &'static Camera,
-    &'static FrugalGi,
+    &'static ActiveGi,
     &'static GlobalTransform,
     &'static VisibleEntities,
     Has<CameraCut>,
@@ -57,7 +57,7 @@ pub(super) fn decide(
     mut maps: Query<DueMap>,
 ) {
     let changes = scene.read();
-    let are_active = |camera: &Camera, gi: &FrugalGi| camera.is_active && gi.vpl_count > 0;
+    let are_active = |camera: &Camera, gi: &ActiveGi| camera.is_active && gi.vpl_count > 0;
     let mut before = std::mem::take(&mut *places);
     let mut has_cut = false;
     jumps.shifts.clear();

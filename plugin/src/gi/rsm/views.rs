@@ -27,8 +27,8 @@ use super::map::{LightMap, MapAge, MapCapacity, MapSlots, MapSpec, RsmView};
 use super::selection::LightSelection;
 use super::specs::{Viewer, choose};
 use crate::gi::compute::limits_of;
-use crate::gi::settings::{FrugalGi, GiLimits};
-use crate::gi::view::{CameraCut, LightPresence};
+use crate::gi::settings::GiLimits;
+use crate::gi::view::{ActiveGi, CameraCut, LightPresence};
 
 /// Whether a map went in this frame, or a light fades: texels that need not be rendered count
 /// differently.
@@ -47,13 +47,13 @@ pub(super) fn maintain(
     (scene, time): (Res<SceneBox>, Option<Res<Time<Real>>>),
     cuts: Query<(), With<CameraCut>>,
     cameras: Query<
-        (Entity, &Camera, &Projection, &FrugalGi, Option<&RenderLayers>, &GlobalTransform),
+        (Entity, &Camera, &Projection, &ActiveGi, Option<&RenderLayers>, &GlobalTransform),
         Without<RsmView>,
     >,
     suns: Query<(Placed<DirectionalLight>, Option<&SunDisk>), Without<RsmView>>,
     spots: Query<Placed<SpotLight>, Without<RsmView>>,
     points: Query<Placed<PointLight>, Without<RsmView>>,
-    mut maps: Query<Map, Without<FrugalGi>>,
+    mut maps: Query<Map, Without<ActiveGi>>,
 ) {
     let viewers: Vec<Viewer> = cameras
         .iter()

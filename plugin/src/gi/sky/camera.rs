@@ -7,7 +7,8 @@ use bevy::ecs::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_2d_array, texture_depth_2d, uniform_buffer,
+    texture_2d, texture_2d_array, texture_depth_2d, texture_storage_2d_array, uniform_buffer,
+    uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -199,6 +200,7 @@ pub(in crate::gi) struct SkyKernels {
     pub(super) fill: Kernel,
     pub(super) weigh: Kernel,
     pub(super) sample: Kernel,
+    pub(super) dim: Kernel,
 }
 
 impl FromWorld for SkyKernels {
@@ -212,16 +214,24 @@ impl FromWorld for SkyKernels {
             BindGroupLayoutEntries::sequential(compute, (g_buffer, depth, view, read(), write()));
         let sampling =
             BindGroupLayoutEntries::sequential(compute, (read(), read(), read(), write()));
-        let [fill, weigh, sample] = [
+        let target =
+            texture_storage_2d_array(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+        let dimming = BindGroupLayoutEntries::sequential(
+            compute,
+            (faces, uniform_buffer_sized(false, None), target),
+        );
+        let [fill, weigh, sample, dim] = [
             load_embedded_asset!(world, "fill.wgsl"),
             load_embedded_asset!(world, "weigh.wgsl"),
             load_embedded_asset!(world, "sample.wgsl"),
+            load_embedded_asset!(world, "dim.wgsl"),
         ];
         Self {
             fill: Kernel::new("frugal_gi/sky/fill", "fill_sky", &fill, &filling),
             weigh: Kernel::new("frugal_gi/sky/weigh", "weigh_sky", &weigh, &weighing)
                 .with_group(OccluderBuffers::layout()),
             sample: Kernel::new("frugal_gi/sky/sample", "sample_sky", &sample, &sampling),
+            dim: Kernel::new("frugal_gi/sky/dim", "dim_sky", &dim, &dimming),
         }
     }
 }
@@ -229,9 +239,9 @@ impl FromWorld for SkyKernels {
 impl SkyKernels {
     /// Whether the pipelines are compiled. Queues them if they are not.
     fn are_ready(&mut self, cache: &PipelineCache) -> bool {
-        [&mut self.fill, &mut self.weigh, &mut self.sample].map(|kernel| {
+        [&mut self.fill, &mut self.weigh, &mut self.sample, &mut self.dim].map(|kernel| {
             kernel.queue(cache, Vec::new());
             kernel.get(cache, &[]).is_some()
-        }) == [true; 3]
+        }) == [true; 4]
     }
 }

@@ -6,6 +6,7 @@
 //! | `fill.wgsl` | when the map changes | integrates the map over strata of equal solid angle |
 //! | `weigh.wgsl` | when VPLs are sampled | importance of each stratum to the visible surfaces, by rays |
 //! | `sample.wgsl` | when VPLs are sampled | samples directions that represent the whole sky |
+//! | `dim.wgsl` | while GI comes or goes | dims Bevy's own diffuse light of the map |
 //! | `gather/gather.wgsl` | when the camera gathers | irradiance of each pixel from its samples |
 //!
 //! Sky samples are separate from the VPLs of bounced light. The sky is infinitely far away, so it
@@ -48,13 +49,14 @@ impl Plugin for SkyPlugin {
         embedded_asset!(app, "fill.wgsl");
         embedded_asset!(app, "weigh.wgsl");
         embedded_asset!(app, "sample.wgsl");
+        embedded_asset!(app, "dim.wgsl");
     }
 
     fn finish(&self, app: &mut App) {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
             .init_gpu_resource::<SkyKernels>()
-            .init_gpu_resource::<ambient::BlackCubes>()
+            .init_gpu_resource::<ambient::Cubes>()
             .add_systems(
                 Render,
                 (
@@ -65,7 +67,7 @@ impl Plugin for SkyPlugin {
                     ambient::take_out_diffuse.in_set(PrepareSystems::Environment),
                 ),
             )
-            .add_systems(Core3d, sample.in_set(PassSystems::Sky));
+            .add_systems(Core3d, (sample, ambient::dim).in_set(PassSystems::Sky));
     }
 }
 
@@ -84,7 +86,7 @@ pub(super) fn sample(
     if !gi_view.work.sample && camera.is_filled.load(Ordering::Relaxed) {
         return;
     }
-    let SkyKernels { fill, weigh, sample } = &*kernels;
+    let SkyKernels { fill, weigh, sample, .. } = &*kernels;
     let (Some(fill_pipeline), Some(weigh_pipeline), Some(sample_pipeline)) =
         (fill.get(&cache, &[]), weigh.get(&cache, &[]), sample.get(&cache, &[]))
     else {

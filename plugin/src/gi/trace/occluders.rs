@@ -18,9 +18,8 @@ use super::skin::{InstanceKey, Skins};
 use super::top::{Bounds, TopTree};
 use super::trees::{self, TreeKey, Trees, ready, waiting};
 use crate::gi::compute::{largest_storage_buffer, limits_of};
-use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{Mask, MeshChanges, SurfaceAssets, SurfaceEvents, occludes};
-use crate::gi::view::{GiCameras, LightPresence, MeshVisibility, VisibilityFilter};
+use crate::gi::view::{ActiveGi, GiCameras, LightPresence, MeshVisibility, VisibilityFilter};
 
 /// The occluders of indirect light. Maintained while there is light and a camera with
 /// [`GiVisibility`](crate::gi::GiVisibility), else empty.
@@ -123,7 +122,7 @@ pub(super) fn update(
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     device: Option<Res<RenderDevice>>,
-    cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
+    cameras: Query<(&Camera, &ActiveGi, Has<EnvironmentMapLight>)>,
     gi_cameras: GiCameras,
     changes: Res<MeshChanges>,
     meshes: Query<Mesh<'static>, Without<NotShadowCaster>>,

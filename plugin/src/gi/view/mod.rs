@@ -2,32 +2,37 @@
 //!
 //! | file | world | job |
 //! |---|---|---|
+//! | `fade` | both | how much of its indirect light a camera shows |
 //! | `frame` | both | the work of a frame, from the changes of the scene |
 //! | `work` | render | the work of a camera in a frame |
 //! | `shown` | both | what lights GI cameras, and which meshes they show |
 //! | `noise.wgsl` | | noise of low-resolution pixels, luminance |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
+mod fade;
 mod frame;
 mod shown;
 mod work;
 
 use std::sync::Arc;
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, Plugin, PostUpdate};
 use bevy::ecs::prelude::*;
 use bevy::math::{DMat4, DVec3, Mat4, UVec2, Vec3};
 use bevy::render::ExtractSchedule;
 use bevy::render::camera::ExtractedCamera;
+use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::view::ExtractedView;
 use bevy::shader::load_shader_library;
 
-use super::schedule::supported_render_app;
+use super::compute::drop_with;
+use super::schedule::{SceneSystems, supported_render_app};
 use super::settings::{FrugalGi, GiPixelFraction};
 use super::texels::{TexelRow, same_layout};
 pub use crate::cut::CameraCut;
 use crate::cut::Jumps;
+pub(super) use fade::{ActiveGi, ForwardVolume, GiShare};
 pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, MapChanges};
 pub(super) use shown::{GiCameras, LightPresence, MeshVisibility, SkySource, VisibilityFilter};
@@ -47,7 +52,11 @@ impl Plugin for ViewPlugin {
                 ExtractResourcePlugin::<Jumps>::default(),
                 ExtractResourcePlugin::<GiRefresh>::default(),
                 ExtractResourcePlugin::<GiFrame>::default(),
-            ));
+                ExtractComponentPlugin::<ActiveGi>::default(),
+            ))
+            .add_systems(PostUpdate, fade::advance.in_set(SceneSystems::Settings))
+            .add_observer(drop_with::<FrugalGi, ActiveGi>)
+            .register_required_components::<FrugalGi, ActiveGi>();
         crate::cut::build(app);
     }
 

@@ -15,6 +15,7 @@ use bevy::render::Extract;
 use bevy::render::sync_world::RenderEntity;
 use bevy::transform::components::GlobalTransform;
 
+use super::ActiveGi;
 use crate::gi::settings::FrugalGi;
 
 /// The kinds of light in the scene, in the main world. Written in
@@ -81,7 +82,7 @@ pub(in crate::gi) struct GiCameras<'w, 's> {
         's,
         (
             &'static Camera,
-            &'static FrugalGi,
+            &'static ActiveGi,
             &'static GlobalTransform,
             Option<&'static RenderLayers>,
         ),

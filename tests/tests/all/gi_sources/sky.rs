@@ -27,6 +27,7 @@ tests!(
     the_sky_lights_a_room_through_its_door_only,
     the_sky_rotates_as_in_bevy,
     without_rays_or_samples_bevy_renders_the_sky,
+    a_gathered_sky_and_bevys_own_fade_into_each_other,
     a_sky_that_is_not_finite_or_huge_stays_finite,
     a_still_sky_gives_identical_frames,
 );
@@ -265,6 +266,34 @@ fn without_rays_or_samples_bevy_renders_the_sky() {
     stage.world_mut().entity_mut(camera).remove::<EnvironmentMapLight>();
     assert_eq!(mean(&mut stage, "gi_environment_samples=8"), (0.0, 0));
     assert!(inspect::gpu_state(stage.render_world()).cameras.is_empty());
+}
+
+fn a_gathered_sky_and_bevys_own_fade_into_each_other() {
+    let mut stage = bare(Component::Full);
+    spawn_room(&mut stage, false);
+    surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
+    set::look(&mut stage, Vec3::new(0.0, 1.6, -1.0), Vec3::new(0.0, 0.8, 2.0));
+    let [on, off] =
+        ["gi_environment_samples=8", "gi_vpl_count=0"].map(|more| format!("{RAYS},{more}"));
+    // The room is closed: dark by rays, bright without.
+    set::apply(&mut stage, &off);
+    let bright = set::radiance(&mut stage).mean();
+    set::apply(&mut stage, &on);
+    let dark = set::radiance(&mut stage).mean();
+    assert!(dark < 1e-3 * bright, "{dark} of {bright} nits");
+    const FRAMES: usize = 15;
+    for (settings, from, to) in [(&off, dark, bright), (&on, bright, dark)] {
+        set::switch(&mut stage, settings);
+        for step in 1..=FRAMES {
+            stage.frame();
+            let shown = stage.radiance().expect("radiance").mean();
+            let expected = from + (to - from) * step as f64 / FRAMES as f64;
+            assert!(
+                (shown - expected).abs() < 0.01 * bright,
+                "{settings}, frame {step}: {shown}, not {expected} nits"
+            );
+        }
+    }
 }
 
 fn a_sky_that_is_not_finite_or_huge_stays_finite() {
