@@ -43,6 +43,8 @@ struct Metered<'a> {
     late: usize,
     /// Frames until it is lost.
     left: usize,
+    /// Frames until the device is hungrier; before, it takes the map's watts.
+    until: usize,
 }
 
 impl Policy for Metered<'_> {
@@ -51,7 +53,8 @@ impl Policy for Metered<'_> {
     }
 
     fn observe(&mut self, cost: CostPoint) {
-        let power = cost.power * HUNGRIER;
+        let power = cost.power * if self.until == 0 { HUNGRIER } else { 1.0 };
+        self.until = self.until.saturating_sub(1);
         self.pending.push_back(CostPoint { power, ..cost });
         self.left = self.left.saturating_sub(1);
         if self.pending.len() > self.late
@@ -72,12 +75,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (file, map) in &records {
         let record = file.record(&map.knobs)?;
         let [Watts(low), Watts(high)] = record.power_range();
-        for (name, late, lost_at) in [
-            ("on time", 0.0, f64::MAX),
-            ("30 s late", 30.0, f64::MAX),
-            ("lost after 60 s", 0.0, 60.0),
+        for (name, late, lost_at, until) in [
+            ("on time", 0.0, f64::MAX, 0.0),
+            ("30 s late", 30.0, f64::MAX, 0.0),
+            ("lost after 60 s", 0.0, 60.0, 0.0),
+            ("hungrier half way", 0.0, f64::MAX, 0.5 * SECONDS),
         ] {
-            print!("{:>9} {:>6}, {name:>15}:", file.scene, file.path);
+            print!("{:>9} {:>6}, {name:>17}:", file.scene, file.path);
             for share in [0.3, 0.5, 0.7] {
                 let limit = HUNGRIER * (low + share * (high - low));
                 let request = BudgetRequest {
@@ -91,9 +95,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     pending: VecDeque::new(),
                     late: (late * file.fps) as usize,
                     left: (lost_at * file.fps) as usize,
+                    until: (until * file.fps) as usize,
                 };
                 let series = record.simulate_for(&mut policy, SECONDS);
-                let from = (LEARNING * file.fps) as usize;
+                // What counts is a device that is hungrier, a minute later.
+                let from = ((until + LEARNING) * file.fps) as usize;
                 let powers: Vec<f64> =
                     series[from..].iter().map(|frame| HUNGRIER * frame.power.0).collect();
                 let window = (Budget::HORIZON.as_secs_f64() * file.fps) as usize;

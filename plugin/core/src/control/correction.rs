@@ -9,7 +9,7 @@
 //! a prior (ridge regression with exponential weights), which shares a difference out between the
 //! two. A bias takes up the map's error at the present address, which would else pass for a gain.
 
-use super::delay::{DelayFinder, MAX_WATTS, MEAN_SECONDS, PredictionHistory};
+use super::delay::{DelayFinder, Energies, MAX_WATTS, PredictionHistory};
 use crate::units::Watts;
 
 /// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
@@ -124,8 +124,7 @@ pub struct PowerModel {
     /// Mean square of what readings were off their corrected prediction, as a share.
     residual: f64,
     has_left: bool,
-    /// Sums of predicted and of metered energy, joules, in which older ones fade.
-    energies: [f64; 2],
+    energies: Energies,
 }
 
 impl Default for PowerModel {
@@ -145,7 +144,7 @@ impl Default for PowerModel {
             delay: DelayFinder::default(),
             residual: 0.0,
             has_left: false,
-            energies: [0.0; 2],
+            energies: Energies::default(),
         };
         model.forget(0.0);
         model
@@ -160,10 +159,9 @@ impl PowerModel {
     }
 
     /// The correction of a mean over tens of seconds: metered energy for each predicted one of the last
-    /// minutes. It does not follow single views. Of a meter that is late by up to 40 s, the delay is found.
+    /// minutes, or since the device changed by a seventh or more. It does not follow single views. Of a meter that is late by up to 40 s, the delay is found.
     pub fn mean_correction(&self) -> PowerCorrection {
-        let [predicted, metered] = self.delay.energies().unwrap_or(self.energies);
-        let gain = metered / predicted;
+        let gain = self.delay.energies().unwrap_or(self.energies).gain();
         let is_known = gain.is_finite() && gain > 0.0;
         let gain = if is_known { gain.clamp(1.0 / MAX_RATIO, MAX_RATIO) } else { 1.0 };
         PowerCorrection { gain, offset: Watts(0.0) }
@@ -227,10 +225,7 @@ impl PowerModel {
             self.odd += 1;
             return;
         }
-        let kept = (-interval_seconds / MEAN_SECONDS).exp();
-        for (sum, watts) in self.energies.iter_mut().zip([predicted, metered.0]) {
-            *sum = *sum * kept + watts * interval_seconds;
-        }
+        self.energies.add(predicted, metered.0, interval_seconds);
         if self.readings == 0 {
             self.scale = predicted.max(1e-3);
         } else {

@@ -341,6 +341,21 @@ fn the_correction_of_a_mean_is_the_ratio_of_energies() {
 }
 
 #[test]
+fn the_correction_of_a_mean_follows_a_device_that_changes() {
+    for change in [1.4, 0.6] {
+        let mut model = PowerModel::default();
+        for second in 0..660 {
+            let gain = if second < 600 { 1.0 } else { change };
+            let predicted = if second % 10 < 5 { 4.0 } else { 8.0 };
+            (0..30).for_each(|_| model.predict(Watts(predicted), 1.0 / 30.0));
+            model.read(Watts(gain * predicted), 1.0);
+        }
+        let gain = model.mean_correction().gain;
+        assert!((gain / change - 1.0).abs() < 0.05, "{gain} a minute after {change}");
+    }
+}
+
+#[test]
 fn a_meter_that_is_late_does_not_bend_the_correction_of_the_mean() {
     let watts = |second: usize| {
         let view = 4.0 + (78.233 * (second / 4) as f64).sin();

@@ -30,6 +30,54 @@ const MOST_LEFT: f64 = 0.3;
 /// And of what the delay in use leaves, so that neighbours do not take turns.
 const MOST_OF_PRESENT: f64 = 0.8;
 
+/// Time constant of the recent ratio of energies, seconds. Higher values notice later that a device has
+/// changed; lower values mistake a view's error for that.
+const RECENT_SECONDS: f64 = 20.0;
+/// Factor between the recent ratio and that of minutes from which the device is another: a charger was
+/// plugged in, another app began. Higher values leave such a change to fade; lower values follow views.
+const OTHER_DEVICE: f64 = 1.15;
+/// Share of the recent energies that counts then: most of them are of the device before.
+const KEPT_OF_RECENT: f64 = 0.25;
+
+/// Predicted and metered energy, joules.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Energies {
+    /// Of minutes, in which older ones fade.
+    kept: [f64; 2],
+    /// The same of the last seconds.
+    recent: [f64; 2],
+    /// Seconds of the recent ones, which fade as they do.
+    seconds: f64,
+}
+
+impl Energies {
+    /// Adds a reading of `watts`, the mean of `seconds`.
+    pub(super) fn add(&mut self, predicted: f64, watts: f64, seconds: f64) {
+        let fade = |time: f64| (-seconds / time).exp();
+        for (sums, time) in [(&mut self.kept, MEAN_SECONDS), (&mut self.recent, RECENT_SECONDS)] {
+            for (sum, watts) in sums.iter_mut().zip([predicted, watts]) {
+                *sum = *sum * fade(time) + watts * seconds;
+            }
+        }
+        self.seconds = self.seconds * fade(RECENT_SECONDS) + seconds;
+        let other = ratio(self.recent) / ratio(self.kept);
+        if self.seconds > 0.5 * RECENT_SECONDS
+            && !(OTHER_DEVICE.recip()..=OTHER_DEVICE).contains(&other)
+        {
+            self.kept = self.recent.map(|sum| sum * KEPT_OF_RECENT);
+        }
+    }
+
+    /// Metered watts per predicted watt; not finite or not above 0 before the first reading.
+    pub(super) fn gain(&self) -> f64 {
+        ratio(self.kept)
+    }
+}
+
+fn ratio([predicted, metered]: [f64; 2]) -> f64 {
+    metered / predicted
+}
+
 /// Squares of changes, of which older ones fade.
 #[derive(Clone, Copy, Debug, Default)]
 struct Squares {
@@ -64,8 +112,7 @@ impl Squares {
 /// A delay.
 #[derive(Clone, Copy, Debug, Default)]
 struct Candidate {
-    /// Predicted and metered energy, joules, of which older ones fade.
-    energies: [f64; 2],
+    energies: Energies,
     delayed: Squares,
     /// Without a delay, of the same readings.
     prompt: Squares,
@@ -179,9 +226,7 @@ impl DelayFinder {
         let prompt = self.predicted.change(span, 0).zip(self.metered.change(span, 0));
         for (delay, candidate) in self.candidates.iter_mut().enumerate().skip(1) {
             let Some(predicted) = self.predicted.mean(ended, delay) else { break };
-            for (sum, watts) in candidate.energies.iter_mut().zip([predicted, metered]) {
-                *sum = *sum * kept + watts * seconds;
-            }
+            candidate.energies.add(predicted, metered, seconds);
             if let Some((delayed, (prompt, change))) =
                 self.predicted.change(span, delay).zip(prompt)
             {
@@ -204,8 +249,8 @@ impl DelayFinder {
         self.delay
     }
 
-    /// Predicted and metered energy, joules, at the delay; `None` without one.
-    pub(super) fn energies(&self) -> Option<[f64; 2]> {
+    /// The energies at the delay; `None` without one.
+    pub(super) fn energies(&self) -> Option<Energies> {
         (self.delay > 0).then_some(self.candidates[self.delay].energies)
     }
 

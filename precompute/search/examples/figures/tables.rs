@@ -218,7 +218,7 @@ fn error_budgets(data: &Data) -> String {
 fn meters(data: &Data) -> String {
     let mut names: Vec<&str> = data.meters.rows.iter().map(|row| row.meter.as_str()).collect();
     names
-        .sort_by_key(|name| ["on time", "lost", "30 s"].iter().position(|it| name.starts_with(it)));
+        .sort_by_key(|name| ["on time", "lost", "30 s", "hungrier"].iter().position(|it| name.starts_with(it)));
     names.dedup();
     let rows = names.into_iter().map(|name| {
         let here = || data.meters.rows.iter().filter(|row| row.meter == name);
