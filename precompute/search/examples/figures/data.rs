@@ -23,6 +23,8 @@ pub(crate) struct Data {
     pub(crate) stability: Stability,
     pub(crate) lights: Lights,
     pub(crate) cost: Rows<CostRow>,
+    /// Methods of the path tracer; for reference.md alone.
+    pub(crate) reference: Rows<IgnoredAny>,
 }
 
 impl Data {
@@ -44,11 +46,12 @@ impl Data {
             stability: read(folder, "stability")?,
             lights: read(folder, "lights")?,
             cost: read(folder, "cost")?,
+            reference: read(folder, "reference")?,
         })
     }
 
     /// How each file was made.
-    pub(crate) fn made(&self) -> [(&'static str, &Made); 12] {
+    pub(crate) fn made(&self) -> [(&'static str, &Made); 13] {
         [
             ("policies", &self.policies.made),
             ("meters", &self.meters.made),
@@ -62,6 +65,7 @@ impl Data {
             ("stability", &self.stability.made),
             ("lights", &self.lights.made),
             ("cost", &self.cost.made),
+            ("reference", &self.reference.made),
         ]
     }
 }

@@ -1,20 +1,23 @@
 //! What guiding buys: mean squared error at equal time, against unguided paths, on one thread.
 //!
-//! `cargo run -p frugal_trace --example guiding -- [SAMPLES [SEEDS [SCENE [FIRST_SEED]]]]`, on Linux.
+//! `cargo run -p frugal_trace --example guiding -- [SAMPLES [SEEDS [SCENE [FIRST_SEED [FOLDER]]]]]`, on
+//! Linux. FOLDER gets the pictures of the first seed.
 //!
 //! Images of several seeds are rendered in turn. Their variance is the mean squared error, since all
 //! means are equal; it is divided by the squared mean. The gain is error × processor time without a
 //! guide ÷ the same with it. `local` is the same with each pixel's error divided by the squared mean
-//! of its tile, so that edges of bright surfaces do not hide dark walls. A variance that rare bright paths dominate is underestimated where
-//! they did not occur, most of all without a guide.
+//! of its tile, so that edges of bright surfaces do not hide dark walls. A variance that rare bright
+//! paths dominate is underestimated where they did not occur, most of all without a guide.
 
 mod model;
 mod scenes;
 #[path = "../common/timing.rs"]
 mod timing;
 
+use std::path::Path;
+
 use frugal_trace::integrator::{Guide, Settings, Watch, render};
-use frugal_trace::metrics::Radiance;
+use frugal_trace::metrics::{Radiance, tone};
 use glam::UVec2;
 use rayon::prelude::*;
 use timing::timed;
@@ -28,6 +31,7 @@ fn main() {
     };
     let (samples, seeds) = (number(0, 256), number(1, 2));
     let first = number(3, 0);
+    let folder = arguments.get(4).map(Path::new);
     let wanted = arguments.get(2).map_or("", String::as_str);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let guides = [Guide::None, Guide::Photons];
@@ -46,6 +50,14 @@ fn main() {
                 });
                 *seconds += spent / f64::from(seeds);
                 images.push(image.expect("nothing interrupts").full());
+            }
+        }
+        if let Some(folder) = folder {
+            let exposure = tone::middle_grey_ev100(&runs[1].0[0]);
+            for (guide, (images, _)) in guides.iter().zip(&runs) {
+                let file = format!("{} {guide:?}.png", place.name).replace(' ', "-");
+                let picture = tone::display(&images[0], exposure);
+                picture.write_png(&folder.join(file)).expect("a folder that can be written to");
             }
         }
         let means = tile_means(&runs[runs.len() - 1].0);
