@@ -13,6 +13,7 @@ use bevy::render::sync_world::MainEntity;
 use super::choice::{PATCHES, Patch};
 use super::patches::GiPatches;
 use super::{BounceKernels, ReflectKind};
+use crate::cut::Jumps;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};
@@ -159,7 +160,7 @@ pub(super) fn prepare(
     mut kernels: ResMut<BounceKernels>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
     (mut store, patches, occluders): (ResMut<TexelStore>, Res<GiPatches>, Res<OccluderBuffers>),
-    frame: Res<GiFrame>,
+    (frame, jumps): (Res<GiFrame>, Res<Jumps>),
     mut cameras: Query<
         (
             Entity,
@@ -223,7 +224,9 @@ pub(super) fn prepare(
             }
             let is_same = Arc::ptr_eq(&held.held, patches) && held.inputs == inputs;
             let is_done = held.is_done.load(Ordering::Relaxed);
-            held.is_due = frame.relit || always || !is_same || !is_done;
+            // Other samples of the sky may have lit them: after a cut nothing may depend on those.
+            let is_cut = jumps.cuts.contains(&main_entity.id());
+            held.is_due = frame.relit || always || is_cut || !is_same || !is_done;
             held.is_done.store(!held.is_due, Ordering::Relaxed);
             (held.held, held.inputs) = (Arc::clone(patches), inputs);
             continue;

@@ -14,6 +14,7 @@ tests!(
     patches_rest_when_nothing_changes,
     changes_are_reflected_in_the_next_frame,
     what_follows_a_cut_depends_on_nothing_before,
+    the_sky_of_before_a_cut_leaves_no_trace,
     light_does_not_depend_on_the_numbers_of_entities,
 );
 
@@ -103,6 +104,23 @@ fn what_follows_a_cut_depends_on_nothing_before() {
     assert!(image(Some(Vec3::new(0.2, 1.2, 1.6))) == alone);
     // So far that the boxes there get more points, and those here fewer.
     assert!(image(Some(Vec3::new(40.0, 0.5, 0.0))) == alone);
+}
+
+fn the_sky_of_before_a_cut_leaves_no_trace() {
+    let scene = set::scene("courtyard");
+    let pose = scene.paths["tour"].sample(2.0).expect("a tour");
+    let mut stage = set::open(&scene, set::options(64, 36));
+    with_bounces(&mut stage, 3);
+    stage.place(pose.position, pose.rotation);
+    let mut picture = |settings: &str| {
+        set::apply(&mut stage, settings);
+        stage.get_ready().expect("a ready stage");
+        stage.picture().expect("an image")
+    };
+    let alone = picture("max");
+    // Takes other samples of the sky, and patches keep what those lit.
+    picture("max,gi_visibility=cached");
+    assert!(picture("max") == alone);
 }
 
 fn light_does_not_depend_on_the_numbers_of_entities() {
