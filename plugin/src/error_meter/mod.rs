@@ -21,14 +21,9 @@ use bevy::camera::CameraUpdateSystems;
 use bevy::prelude::*;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 
-use crate::schedule::KnobSystems;
+use frugal_core::control::{MEASUREMENT_PERIOD, measurement_interval};
 
-/// Measurement after which the mean period is that of the settings. Higher values cost more; lower values
-/// leave fewer for views that the map does not know.
-const STEADY: f64 = 64.0;
-/// Shortest and longest mean period, as multiples of that. Lower values find a new level's errors sooner,
-/// and follow a camera to another part of it; higher values cost less.
-const STRETCH: [f64; 2] = [0.25, 3.0];
+use crate::schedule::KnobSystems;
 
 /// Marks the hidden camera that renders a part of another camera's view at the best settings. It
 /// exists during a measurement, with the authored values of all components that Bevy's rendering
@@ -66,20 +61,14 @@ pub struct ErrorMeter {
 
 impl Default for ErrorMeter {
     fn default() -> Self {
-        Self { period: Duration::from_secs(20), share: 0.25, frames: 4 }
+        Self { period: MEASUREMENT_PERIOD, share: 0.25, frames: 4 }
     }
 }
 
 impl ErrorMeter {
-    /// Time from measurement number `count` to the next: ½ to 1½ times a mean, by the golden ratio.
-    /// A fixed period could meet the same views of a round again and again. The mean is a quarter
-    /// of `period` up to the 16th measurement. Then it grows in proportion to `count`, up to three
-    /// times `period`, since each further measurement says less.
+    /// Time from measurement number `count` to the next: see [`measurement_interval`].
     pub fn interval(&self, count: u32) -> Duration {
-        let count = f64::from(count);
-        let stretch = (count / STEADY).clamp(STRETCH[0], STRETCH[1]);
-        let share = stretch * (0.5 + (0.618_033_988_749_895 * count).fract());
-        Duration::try_from_secs_f64(self.period.as_secs_f64() * share).unwrap_or(Duration::MAX)
+        measurement_interval(self.period, count)
     }
 }
 

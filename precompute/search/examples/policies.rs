@@ -5,7 +5,7 @@
 #[path = "shared/mod.rs"]
 mod shared;
 
-use frugal_core::control::ControlSettings;
+use frugal_core::control::{ControlSettings, MEASUREMENT_PERIOD, measurement_interval};
 use frugal_core::frontier::FrontierMap;
 use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PowerBudget, RecordFile, RunResult, Trial,
@@ -44,6 +44,8 @@ struct ErrorRow {
     path: String,
     error_budget: f64,
     frugal: Played,
+    /// With an error meter, its power included.
+    measured: Played,
     trained: Played,
     oracle: Played,
 }
@@ -147,7 +149,7 @@ fn print(
         control: ControlSettings::default(),
         baselines: Baselines::All,
         default: map.knobs.highest(),
-        meter_interval: |_| std::time::Duration::from_secs(10),
+        meter_interval: |count| measurement_interval(MEASUREMENT_PERIOD, count),
     };
     println!("\n{}, {}: error by policy", file.scene, file.path);
     println!(
@@ -203,23 +205,27 @@ fn print(
         medians.trained,
         100.0 * medians.way
     );
-    println!("error budget  frugal W, error | trained W, error | oracle W");
+    println!("error budget  frugal W, error | with an error meter | trained W, error | oracle W");
     for error in ERRORS {
         let result = trial.judge(&BudgetRequest { error: Some(error), ..Default::default() });
-        let [ours, trained, oracle] =
-            ["frugal", "trained-constant", "oracle"].map(|name| run(&result, name));
+        let [ours, measured, trained, oracle] =
+            ["frugal", "frugal-measured", "trained-constant", "oracle"]
+                .map(|name| run(&result, name));
         errors.push(ErrorRow {
             scene: file.scene.clone(),
             path: file.path.clone(),
             error_budget: error,
             frugal: Played::of(ours),
+            measured: Played::of(measured),
             trained: Played::of(trained),
             oracle: Played::of(oracle),
         });
         println!(
-            "{error:.3}  {:.3} {:.4} | {:.3} {:.4} | {:.3}",
+            "{error:.3}  {:.3} {:.4} | {:.3} {:.4} | {:.3} {:.4} | {:.3}",
             ours.mean_power_w.0,
             ours.mean_error,
+            measured.mean_power_w.0,
+            measured.mean_error,
             trained.mean_power_w.0,
             trained.mean_error,
             oracle.mean_power_w.0

@@ -26,7 +26,7 @@ pub use budget::{Budget, BudgetError, ControlSettings, Limit};
 pub use choose::{Choice, Outcome, select};
 pub use controller::{CameraController, Decisions, Inputs};
 pub use correction::{PowerCorrection, PowerModel};
-pub use error_feedback::ErrorFeedback;
+pub use error_feedback::{ErrorFeedback, MEASUREMENT_PERIOD, measurement_interval};
 pub use filter::SettingsFilter;
 pub use frame_rate::{FrameKind, FrameRate, RatedAt};
 pub use limits::{Limits, resolve};

@@ -138,6 +138,8 @@ pub(crate) struct Played {
 pub(crate) struct ErrorRow {
     pub(crate) error_budget: f64,
     pub(crate) frugal: Played,
+    /// With an error meter, its power included.
+    pub(crate) measured: Played,
     pub(crate) trained: Played,
 }
 

@@ -1,6 +1,6 @@
 //! The tables of the documents, one function each.
 
-use crate::data::{AccuracyRow, Data, SeedRow};
+use crate::data::{AccuracyRow, Data, ErrorRow, Played, SeedRow};
 use crate::summary::{BASELINES, Spread, baseline_ratios, paths, rows_of, used};
 
 /// The table called `name`, as Markdown.
@@ -193,32 +193,24 @@ fn error_budgets(data: &Data) -> String {
         let kept = |errors: &mut dyn Iterator<Item = f64>| {
             errors.filter(|error| *error <= budget).count().to_string()
         };
-        let used = Spread::of(here.iter().map(|row| row.frugal.error / budget));
-        let watts = Spread::of(here.iter().map(|row| row.frugal.w / row.trained.w));
-        vec![
-            number(budget),
-            kept(&mut here.iter().map(|row| row.frugal.error)),
-            percents(used),
-            kept(&mut here.iter().map(|row| row.trained.error)),
-            format!("{:.2}", watts.median),
-        ]
+        let mut cells = vec![number(budget)];
+        for of in [(|row| row.frugal) as fn(&ErrorRow) -> Played, |row| row.measured] {
+            let used = Spread::of(here.iter().map(|row| of(row).error / budget));
+            let watts = Spread::of(here.iter().map(|row| of(row).w / row.trained.w));
+            let count = kept(&mut here.iter().map(|row| of(row).error));
+            cells.push(format!("{count}, {}, {:.2}", percents(used), watts.median));
+        }
+        cells.push(kept(&mut here.iter().map(|row| row.trained.error)));
+        cells
     });
-    markdown(
-        &[
-            "error budget",
-            "paths that keep it",
-            "used",
-            "with the trained constant",
-            "power ÷ its power, median",
-        ],
-        rows,
-    )
+    markdown(&["error budget", "by the map", "with an error meter", "trained constant"], rows)
 }
 
 fn meters(data: &Data) -> String {
     let mut names: Vec<&str> = data.meters.rows.iter().map(|row| row.meter.as_str()).collect();
-    names
-        .sort_by_key(|name| ["on time", "lost", "30 s", "hungrier"].iter().position(|it| name.starts_with(it)));
+    names.sort_by_key(|name| {
+        ["on time", "lost", "30 s", "hungrier"].iter().position(|it| name.starts_with(it))
+    });
     names.dedup();
     let rows = names.into_iter().map(|name| {
         let here = || data.meters.rows.iter().filter(|row| row.meter == name);
