@@ -13,7 +13,7 @@ use bevy_frugal_gi::gi::inspect;
 use frugal::scene::{CameraPath, SceneDescription};
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
-use frugal_tests::reference::{Tracing, one_bounce, view as parse_view};
+use frugal_tests::reference::{Tracing, one_bounce, view as parse_view, without_environment};
 use frugal_tests::table::markdown;
 use frugal_tests::{gpu, set};
 use frugal_trace::integrator::Pixels;
@@ -106,6 +106,7 @@ fn frame(stage: &mut Stage, scene: &SceneDescription, seconds: f32) -> [u32; 2] 
 
 fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Vec<String>>) {
     let (scene, seconds) = parse_view(view);
+    let scene = without_environment(&scene);
     let truth = reference(view, &scene, seconds, options);
     let mut stage = set::open(
         &scene,

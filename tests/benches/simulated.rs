@@ -248,19 +248,29 @@ fn changes(level: &Level) {
             let mean = |value: fn(&Frame) -> f64| {
                 counted.iter().map(|frame| value(frame) * frame.seconds).sum::<f64>() / seconds
             };
-            let switches =
-                counted.windows(2).filter(|pair| pair[0].settings != pair[1].settings).count();
+            let changes = |is_other: &dyn Fn(&KnobLevels, &KnobLevels) -> bool| {
+                let pairs = counted.windows(2);
+                let found = pairs.filter(|pair| is_other(&pair[0].settings, &pair[1].settings));
+                60.0 * found.count() as f64 / seconds
+            };
+            let knobs = level.map.knobs.knobs().iter().enumerate();
+            let by_knob = knobs.map(|(index, knob)| {
+                (knob.name.as_str(), changes(&|a, b| a.level(index) != b.level(index)))
+            });
+            let busiest = by_knob.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
             rows.push(vec![
                 name.to_owned(),
                 percent(share),
                 percent(mean(|frame| frame.watts) / limit.0),
                 percent(windows_over(counted, limit)),
                 format!("{:.4}", mean(|frame| frame.error)),
-                format!("{:.0}", 60.0 * switches as f64 / seconds),
+                format!("{:.0}", changes(&|a, b| a != b)),
+                format!("{}, {:.0}", busiest.0, busiest.1),
             ]);
         }
     }
-    let heads = ["machine", "budget", "used", "windows over", "error", "changes a minute"];
+    let heads =
+        ["machine", "budget", "used", "windows over", "error", "changes a minute", "busiest knob"];
     println!("\n## {}: power\n\n{}", level.name, markdown(&heads, &rows));
 }
 

@@ -24,7 +24,7 @@ pub fn without_environment(scene: &SceneDescription) -> SceneDescription {
 }
 
 /// The scene and the time of a view in the arguments of benchmarks, `SCENE@SECONDS`: a scene of the
-/// repository or a scene file, [without its environment light](without_environment).
+/// repository or a scene file.
 ///
 /// # Panics
 /// If it is neither, or the time no number.
@@ -36,7 +36,7 @@ pub fn view(text: &str) -> (SceneDescription, f32) {
     } else {
         set::scene(name)
     };
-    (without_environment(&scene), seconds)
+    (scene, seconds)
 }
 
 /// Settings of a reference.

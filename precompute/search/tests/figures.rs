@@ -33,7 +33,7 @@ fn every_figure_of_the_documents_is_in_the_data() {
 const PROSE: [(&str, &[&str]); 7] = [
     ("Error at equal power", &["policies", "meters", "rendered"]),
     ("Metered on a GPU", &["metered"]),
-    ("Knobs", &["knobs", "levels"]),
+    ("Knobs", &["levels"]),
     ("Accuracy", &["accuracy", "bounces"]),
     ("Beside a naive method", &["naive-rsm", "stability"]),
     ("Many lights", &["lights"]),

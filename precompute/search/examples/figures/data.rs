@@ -15,10 +15,9 @@ pub(crate) struct Data {
     /// Plays of records beside the same rendered; for the prose alone.
     pub(crate) rendered: Rows<IgnoredAny>,
     pub(crate) metered: Metered,
-    pub(crate) knobs: Rows<KnobRow>,
     pub(crate) levels: Rows<LevelRow>,
     pub(crate) accuracy: Rows<AccuracyRow>,
-    pub(crate) bounces: Rows<BounceRow>,
+    pub(crate) bounces: Rows<LevelRow>,
     pub(crate) naive: NaiveRsm,
     pub(crate) stability: Stability,
     pub(crate) lights: Lights,
@@ -38,7 +37,6 @@ impl Data {
             meters: read(folder, "meters")?,
             rendered: read(folder, "rendered")?,
             metered: read(folder, "metered")?,
-            knobs: read(folder, "knobs")?,
             levels: read(folder, "levels")?,
             accuracy: read(folder, "accuracy")?,
             bounces: read(folder, "bounces")?,
@@ -51,7 +49,7 @@ impl Data {
     }
 
     /// How each file was made.
-    pub(crate) fn made(&self) -> [(&'static str, &Made); 13] {
+    pub(crate) fn made(&self) -> [(&'static str, &Made); 12] {
         [
             ("policies", &self.policies.made),
             ("meters", &self.meters.made),
@@ -60,7 +58,6 @@ impl Data {
             ("accuracy", &self.accuracy.made),
             ("bounces", &self.bounces.made),
             ("levels", &self.levels.made),
-            ("knobs", &self.knobs.made),
             ("naive-rsm", &self.naive.made),
             ("stability", &self.stability.made),
             ("lights", &self.lights.made),
@@ -176,24 +173,25 @@ pub(crate) struct MeteredRow {
     pub(crate) predicted_w: f64,
 }
 
-/// One knob lowered from the best settings.
-#[derive(Deserialize)]
-pub(crate) struct KnobRow {
-    pub(crate) knob: String,
-    pub(crate) level: String,
-    /// Share of the best settings' power.
-    pub(crate) power: f64,
-    pub(crate) error: f64,
-}
-
-/// One knob of global illumination lowered, against a path-traced reference.
+/// A level of a knob, which alone is not as the other settings are.
 #[derive(Deserialize)]
 pub(crate) struct LevelRow {
     pub(crate) scene: String,
     pub(crate) knob: String,
     pub(crate) level: String,
-    /// Share of what GI adds at the best settings.
+    /// Of a frame in which everything is rendered, ÷ that of the unchanged settings.
     pub(crate) cost: f64,
+    /// 1 − SSIM to their image.
+    pub(crate) loss: f64,
+    /// Of indirect light against a path-traced reference, for knobs that concern it.
+    pub(crate) light: Option<Light>,
+}
+
+/// Indirect light against a path-traced reference.
+#[derive(Clone, Copy, Deserialize)]
+pub(crate) struct Light {
+    pub(crate) mean_ratio: f64,
+    /// Relative L1, 4×4.
     pub(crate) error: f64,
 }
 
@@ -204,16 +202,6 @@ pub(crate) struct AccuracyRow {
     pub(crate) indirect_ratio: f64,
     pub(crate) indirect_l1_4x4: f64,
     pub(crate) image_error: f64,
-}
-
-/// A number of bounces against all of the reference.
-#[derive(Deserialize)]
-pub(crate) struct BounceRow {
-    pub(crate) scene: String,
-    pub(crate) bounces: String,
-    pub(crate) cost: f64,
-    pub(crate) mean_ratio: f64,
-    pub(crate) error: f64,
 }
 
 /// GI beside the method of Dachsbacher and Stamminger.

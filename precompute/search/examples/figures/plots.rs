@@ -1,6 +1,6 @@
 //! The drawings of the documents, one function each.
 
-use crate::data::{Data, KnobRow, Played, PowerRow};
+use crate::data::{Data, LevelRow, Played, PowerRow};
 use crate::summary::{BASELINES, Spread, baseline_ratios, paths};
 use crate::svg::{Axis, BLUE, GREEN, GREY, Mark, OCHRE, ORANGE, Panel, RED, Svg, VIOLET, WIDTH};
 
@@ -208,12 +208,12 @@ fn metered_power(data: &Data) -> String {
 }
 
 fn knobs(data: &Data) -> String {
-    let mut names: Vec<&str> = data.knobs.rows.iter().map(|row| row.knob.as_str()).collect();
+    let here = || data.levels.rows.iter().filter(|row| row.scene == "courtyard");
+    let mut names: Vec<&str> = here().map(|row| row.knob.as_str()).collect();
     names.dedup();
-    let rows_of = |name: &str| -> Vec<&KnobRow> {
-        data.knobs.rows.iter().filter(|row| row.knob == name).collect()
-    };
-    let saving = |name: &str| range(rows_of(name).iter().map(|row| 1.0 - row.power)).1;
+    let rows_of =
+        |name: &str| -> Vec<&LevelRow> { here().filter(|row| row.knob == name).collect() };
+    let saving = |name: &str| range(rows_of(name).iter().map(|row| 1.0 - row.cost)).1;
     names.sort_by(|a, b| saving(b).total_cmp(&saving(a)));
     let bottom = 52.0 + 29.0 * names.len() as f64;
     let mut svg = Svg::new(
@@ -221,13 +221,13 @@ fn knobs(data: &Data) -> String {
         bottom + 44.0,
     );
     let zero = 470.0;
-    let saved = Axis::linear((0.0, 80.0), (zero - 14.0, 215.0));
-    let error = Axis::linear((0.0, 0.2), (zero + 14.0, 735.0));
+    let saved = Axis::linear((0.0, 90.0), (zero - 14.0, 215.0));
+    let error = Axis::linear((0.0, 0.35), (zero + 14.0, 735.0));
     svg.text((zero - 14.0, 24.0), "b e", "power saved, % of the best settings");
     svg.text((zero + 14.0, 24.0), "b", "error, 1 − SSIM");
     for (axis, marks) in [
         (saved, [(0.0, "0"), (20.0, "20"), (40.0, "40"), (60.0, "60"), (80.0, "80")].as_slice()),
-        (error, &[(0.0, "0"), (0.05, "0.05"), (0.1, "0.1"), (0.15, "0.15"), (0.2, "0.2")]),
+        (error, &[(0.0, "0"), (0.1, "0.1"), (0.2, "0.2"), (0.3, "0.3")]),
     ] {
         for (value, name) in marks {
             svg.rule((axis.at(*value), 44.0), (axis.at(*value), bottom), "g");
@@ -242,8 +242,8 @@ fn knobs(data: &Data) -> String {
             svg.text((10.0, y + 12.0), "s", &format!("{} to {}", cheapest.level, best.level));
         }
         for (axis, color, of) in [
-            (saved, BLUE, (|row| 100.0 * (1.0 - row.power)) as fn(&KnobRow) -> f64),
-            (error, RED, |row| row.error),
+            (saved, BLUE, (|row| 100.0 * (1.0 - row.cost)) as fn(&LevelRow) -> f64),
+            (error, RED, |row| row.loss),
         ] {
             let most = range(levels.iter().map(|row| of(row))).1;
             svg.bar((axis.at(0.0), y - 8.0), (axis.at(most), y + 8.0), color, 0.3);
@@ -259,7 +259,11 @@ fn knobs(data: &Data) -> String {
 fn levels(data: &Data) -> String {
     let colors = [BLUE, ORANGE, GREEN, VIOLET, OCHRE];
     let rows = &data.levels.rows;
-    let mut names: Vec<&str> = rows.iter().map(|row| row.knob.as_str()).collect();
+    let mut names: Vec<&str> = rows
+        .iter()
+        .filter(|row| row.scene == "courtyard" && row.light.is_some())
+        .map(|row| row.knob.as_str())
+        .collect();
     names.dedup();
     names.truncate(colors.len());
     let mut svg = Svg::new(
@@ -270,11 +274,11 @@ fn levels(data: &Data) -> String {
     let entries: Vec<_> =
         names.iter().zip(colors).map(|(name, color)| (Mark::Disc(4.0), color, *name)).collect();
     svg.legend((20.0, 22.0), &entries);
-    for (index, scene) in ["courtyard", "open level"].into_iter().enumerate() {
+    for (index, scene) in ["courtyard", "two_rooms"].into_iter().enumerate() {
         let left = 60.0 + 355.0 * index as f64;
         let panel = Panel {
-            x: Axis::linear((0.0, 110.0), (left, left + 335.0)),
-            y: Axis::logarithmic((0.08, 0.9), (332.0, 66.0)),
+            x: Axis::linear((0.0, 120.0), (left, left + 335.0)),
+            y: Axis::logarithmic((0.05, 1.1), (332.0, 66.0)),
         };
         let xs = [(0.0, "0"), (25.0, "25"), (50.0, "50"), (75.0, "75"), (100.0, "100")];
         let ys = [(0.1, "0.1"), (0.2, "0.2"), (0.4, "0.4"), (0.8, "0.8")];
@@ -282,18 +286,19 @@ fn levels(data: &Data) -> String {
         panel.frame(&mut svg, scene, &xs, &ys);
         for (name, color) in names.iter().zip(colors) {
             let here = || rows.iter().filter(|row| row.scene == scene && row.knob == *name);
-            let points: Vec<_> = here().map(|row| (100.0 * row.cost, row.error)).collect();
+            let points: Vec<_> =
+                here().filter_map(|row| Some((100.0 * row.cost, row.light?.error))).collect();
             panel.line(&mut svg, &points, color, 1.5, false);
             for (x, y) in &points {
                 svg.mark(panel.at(*x, *y), Mark::Disc(4.0), color);
             }
-            if let Some((cheapest, (x, y))) = here().next_back().zip(points.last().copied()) {
+            if let Some((cheapest, (x, y))) = here().next().zip(points.first().copied()) {
                 let (x, y) = panel.at(x, y);
                 svg.text((x + 7.0, y - 5.0), "s", &cheapest.level);
             }
         }
     }
-    svg.text((407.0, 378.0), "m", "cost of GI, % of its cost at the best settings");
+    svg.text((407.0, 378.0), "m", "cost of a frame, % of the best settings");
     svg.rising((16.0, 199.0), "relative L1, 4×4 means");
     svg.finish()
 }

@@ -255,9 +255,9 @@ fn bounces(data: &Data) -> String {
     let rows = ["1", "2", "3", "all"].map(|bounces| {
         let mut cells = vec![bounces.to_owned()];
         cells.extend(scenes.iter().map(|scene| {
-            let row = rows.iter().find(|row| row.scene == *scene && row.bounces == bounces);
-            row.map_or(String::new(), |row| {
-                format!("{}, {:.2}, {:.2}", percent(row.cost), row.mean_ratio, row.error)
+            let row = rows.iter().find(|row| row.scene == *scene && row.level == bounces);
+            row.zip(row.and_then(|row| row.light)).map_or(String::new(), |(row, light)| {
+                format!("{}, {:.2}, {:.2}", percent(row.cost), light.mean_ratio, light.error)
             })
         }));
         cells
