@@ -3,7 +3,8 @@
 //! `make bench BENCH=levels ARGS='[--size WxH] [--spp N] [--count ROUNDS] [default] [json]
 //! [SCENE@SECONDS | KNOB]…'`: a view is a scene of the repository, or a scene file, and a time of its tour.
 //! All other knobs are at their best, or with `default` at the default settings. Without the name of a
-//! KNOB, all but those that must be named, such as `gi_bounces`. `json` prints rows for docs/data/levels.json or bounces.json.
+//! KNOB, all but those that must be named, such as `gi_bounces`. `json` prints rows for
+//! docs/data/levels.json or bounces.json.
 //!
 //! Cost is that of a frame in which everything is rendered, ÷ that of the unchanged settings. Loss is
 //! 1 − SSIM to their image. Mean ratio and error are those of indirect light of punctual lights between

@@ -20,7 +20,6 @@ use bevy::asset::embedded_asset;
 use bevy::camera::CameraUpdateSystems;
 use bevy::prelude::*;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
-
 use frugal_core::control::{MEASUREMENT_PERIOD, measurement_interval};
 
 use crate::schedule::KnobSystems;

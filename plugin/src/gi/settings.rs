@@ -22,9 +22,9 @@ pub struct FrugalGi {
     /// [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT). Each low-resolution pixel evaluates its
     /// [interleaved](Self::interleave) share, at most
     /// [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL). Higher values: less noise, at proportional
-    /// cost. Lower values: blotchier. 0 turns GI off: its light
-    /// fades within half a second, or at a [cut](super::CameraCut) at once, and then costs nothing; light
-    /// that is switched on comes as gradually. Default: 1024.
+    /// cost. Lower values: blotchier. 0 turns GI off: its light fades within half a second, or at a
+    /// [cut](super::CameraCut) at once, and then costs nothing; light that is switched on comes as
+    /// gradually. Default: 1024.
     pub vpl_count: u32,
     /// Side of a square of low-resolution pixels that share the VPLs: each evaluates another part,
     /// and a filter along surfaces averages the square. Larger: softer, and cheaper in proportion

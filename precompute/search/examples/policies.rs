@@ -5,7 +5,7 @@
 #[path = "shared/mod.rs"]
 mod shared;
 
-use frugal_core::control::{ControlSettings, MEASUREMENT_PERIOD, measurement_interval};
+use frugal_core::control::ControlSettings;
 use frugal_core::frontier::FrontierMap;
 use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PowerBudget, RecordFile, RunResult, Trial,
@@ -149,7 +149,6 @@ fn print(
         control: ControlSettings::default(),
         baselines: Baselines::All,
         default: map.knobs.highest(),
-        meter_interval: |count| measurement_interval(MEASUREMENT_PERIOD, count),
     };
     println!("\n{}, {}: error by policy", file.scene, file.path);
     println!(

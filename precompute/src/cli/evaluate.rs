@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::error_meter::ErrorMeter;
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::{FrontierMap, SceneIdentity};
 use frugal_search::evaluate::{
@@ -168,7 +167,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         control: ControlSettings::default(),
         baselines: arguments.baselines,
         default: default_settings(&map.knobs),
-        meter_interval: |count| ErrorMeter::default().interval(count),
     };
     let mut results: Vec<EvaluationResult> =
         budgets.iter().map(|budget| trial.judge(budget)).collect();

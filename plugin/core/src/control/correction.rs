@@ -159,7 +159,8 @@ impl PowerModel {
     }
 
     /// The correction of a mean over tens of seconds: metered energy for each predicted one of the last
-    /// minutes, or since the device changed by a seventh or more. It does not follow single views. Of a meter that is late by up to 40 s, the delay is found.
+    /// minutes, or since the device changed by a seventh or more. It does not follow single views. Of a
+    /// meter that is late by up to 40 s, the delay is found.
     pub fn mean_correction(&self) -> PowerCorrection {
         let gain = self.delay.energies().unwrap_or(self.energies).gain();
         let is_known = gain.is_finite() && gain > 0.0;

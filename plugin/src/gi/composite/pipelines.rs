@@ -82,17 +82,12 @@ impl SpecializedRenderPipeline for CompositePipelines {
             dst_factor,
             operation: BlendOperation::Add,
         };
-        // The constant is the share of indirect light that the camera shows.
-        let (color, alpha) = match key.replaces {
-            true => (
-                blended(BlendFactor::Constant, BlendFactor::Zero),
-                blended(BlendFactor::One, BlendFactor::Zero),
-            ),
-            false => (
-                blended(BlendFactor::Constant, BlendFactor::One),
-                blended(BlendFactor::Zero, BlendFactor::One),
-            ),
+        let (own, before) = match key.replaces {
+            true => (BlendFactor::One, BlendFactor::Zero),
+            false => (BlendFactor::Zero, BlendFactor::One),
         };
+        // The constant is the share of indirect light that the camera shows.
+        let (color, alpha) = (blended(BlendFactor::Constant, before), blended(own, before));
         RenderPipelineDescriptor {
             label: Some("frugal_gi/composite".into()),
             layout: vec![key.layout()],

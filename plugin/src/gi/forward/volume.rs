@@ -110,9 +110,10 @@ pub(super) fn place(
         let base = middle.clamp(Vec3::splat(-1e7), Vec3::splat(1e7)).as_ivec3() - half();
         let place = Transform::from_translation((base + half()).as_vec3() * spacing)
             .with_scale(PLACES.as_vec3() * spacing);
-        // Where Bevy sees a volume, it leaves out the sky's light, which would be missing while this fades.
-        // Its light is exposed, so that half floats hold any scene.
+        // Where Bevy sees a volume, it leaves out the sky's light, which would be missing while this
+        // fades.
         let share = if has_sky { 1.0 } else { gi.share() };
+        // Its light is exposed, so that half floats hold any scene.
         let intensity = share / exposure.exposure();
         let layers = layers.cloned().unwrap_or_default();
         match held {

@@ -23,7 +23,8 @@ use bevy::render::texture::GpuImage;
 use bevy::utils::default;
 
 use super::camera::{SkyCamera, SkyKernels};
-use crate::gi::compute::{compute_pass, filled_buffer};
+use super::faces;
+use crate::gi::compute::{compute_pass, empty_buffer};
 use crate::gi::view::{GiShare, SkySource};
 
 /// Most texels along an edge of a dimmed copy.
@@ -107,8 +108,6 @@ pub(super) fn take_out_diffuse(
             ids.diffuse = name;
             continue;
         }
-        let left = [1.0 - share.0, 0.0, 0.0, 0.0];
-        let left: &[u8] = bytemuck::cast_slice(&left);
         let edge = replaced.texture_descriptor.size.width.clamp(1, MAX_EDGE);
         let copy = dimmed.entry(view).or_insert_with(|| {
             let size = Extent3d { width: edge, height: edge, depth_or_array_layers: 6 };
@@ -116,10 +115,12 @@ pub(super) fn take_out_diffuse(
             let texture = device.create_texture(&descriptor);
             let name = new();
             images.insert(name, cube(&texture, descriptor, sampler));
-            let share = filled_buffer(&device, "frugal_gi/sky/share", left, BufferUsages::UNIFORM);
+            let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+            let share = empty_buffer(&device, "frugal_gi/sky/share", 16, usage);
             Dimmed { name, texture, share, replaced: id }
         });
-        queue.write_buffer(&copy.share, 0, left);
+        let left = [1.0 - share.0, 0.0, 0.0, 0.0];
+        queue.write_buffer(&copy.share, 0, bytemuck::cast_slice(&left));
         ids.diffuse = copy.name;
     }
 }
@@ -138,12 +139,6 @@ pub(super) fn dim(
         return;
     };
     let Some(pipeline) = kernels.dim.get(&cache, &[]) else { return };
-    let faces = |texture: &Texture| {
-        texture.create_view(&TextureViewDescriptor {
-            dimension: Some(TextureViewDimension::D2Array),
-            ..default()
-        })
-    };
     let (from, to) = (faces(&image.texture), faces(&copy.texture));
     let entries = BindGroupEntries::sequential((&from, copy.share.as_entire_binding(), &to));
     let bindings = kernels.dim.bind(&context, &cache, &entries);

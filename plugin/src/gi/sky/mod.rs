@@ -71,6 +71,14 @@ impl Plugin for SkyPlugin {
     }
 }
 
+/// The six faces of a cube map, for shaders that load or store texels.
+fn faces(texture: &Texture) -> TextureView {
+    texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..default()
+    })
+}
+
 /// In a GI camera's view: integrates the sky when it changed; weights and samples it then and when
 /// VPLs are sampled.
 pub(super) fn sample(
@@ -98,10 +106,7 @@ pub(super) fn sample(
     else {
         return;
     };
-    let faces = image.texture.create_view(&TextureViewDescriptor {
-        dimension: Some(TextureViewDimension::D2Array),
-        ..default()
-    });
+    let faces = faces(&image.texture);
     let [reading, strata, importance, plan, samples] = [
         &camera.reading_buffer,
         &camera.strata,

@@ -1,9 +1,8 @@
 //! The plugin's controller as a policy, without an app.
 
-use std::time::Duration;
-
 use frugal_core::control::{
-    Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerModel,
+    Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, MEASUREMENT_PERIOD,
+    PowerModel, measurement_interval,
 };
 use frugal_core::frontier::{CostPoint, FrontierStore};
 use frugal_core::knobs::KnobLevels;
@@ -31,8 +30,8 @@ pub struct Controller<'a> {
     power: PowerModel,
     /// Joules and seconds since its last reading.
     energy: (f64, f64),
-    /// How often an error meter measures a whole frame, without noise; `None` without one.
-    pub(super) meter: Option<MeterInterval>,
+    /// Whether an error meter measures whole frames, without noise, as often as the plugin's.
+    pub(super) has_error_meter: bool,
     /// Number of its measurements.
     pub(super) measurements: u32,
     /// Seconds since the last of them.
@@ -41,9 +40,6 @@ pub struct Controller<'a> {
 
 /// Interval of readings of the power meter, less a rounding error.
 const READING_SECONDS: f64 = 1.0 - 1e-9;
-
-/// Time from a measurement of the error meter, by its number, to the next.
-pub type MeterInterval = fn(u32) -> Duration;
 
 impl<'a> Controller<'a> {
     /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: time constants of
@@ -66,7 +62,7 @@ impl<'a> Controller<'a> {
             dt: 0.0,
             power: PowerModel::default(),
             energy: (0.0, 0.0),
-            meter: None,
+            has_error_meter: false,
             measurements: 0,
             since: 0.0,
         }
@@ -108,9 +104,12 @@ impl Policy for Controller<'_> {
             self.power.read(Watts(*joules / *seconds), *seconds);
             self.energy = (0.0, 0.0);
         }
-        let Some(interval) = self.meter else { return };
+        if !self.has_error_meter {
+            return;
+        }
         self.since += self.dt;
-        if self.since >= interval(self.measurements).as_secs_f64()
+        let interval = measurement_interval(MEASUREMENT_PERIOD, self.measurements);
+        if self.since >= interval.as_secs_f64()
             && let Some(predicted) = self.predicted
         {
             (self.since, self.measurements) = (0.0, self.measurements + 1);

@@ -11,8 +11,8 @@ use frugal_core::units::Watts;
 use super::baselines::{Oracle, Reactive, best_constant, best_of, ladder, mixed_constants, oracle};
 use super::result::{mean_error, mean_power};
 use super::{
-    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, MeterInterval,
-    PathRecord, Policy, Pose, PowerBudget, ResolvedBudget, RunResult,
+    BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
+    Pose, PowerBudget, ResolvedBudget, RunResult,
 };
 
 /// Extent of the comparison.
@@ -90,8 +90,6 @@ pub struct Trial<'a> {
     pub baselines: Baselines,
     /// The settings of an app that sets nothing.
     pub default: KnobLevels,
-    /// How often an error meter measures.
-    pub meter_interval: MeterInterval,
 }
 
 impl<'a> Trial<'a> {
@@ -170,7 +168,7 @@ impl<'a> Trial<'a> {
         ];
         if is_all && budget.error.is_some() {
             let mut controller = self.controller(budget);
-            controller.meter = Some(self.meter_interval);
+            controller.has_error_meter = true;
             let series = measured(record, controller, best);
             let remark = "error meter on, its power included; mean of minutes 20 to 40";
             runs.push(("frugal-measured", series, Some(remark)));

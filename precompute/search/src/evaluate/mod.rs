@@ -24,7 +24,7 @@ use frugal_core::units::Watts;
 
 pub use baselines::{Reactive, best_constant, ladder};
 pub use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
-pub use controlled::{Controller, MeterInterval};
+pub use controlled::Controller;
 pub use data::{Made, RecordFile, read_records};
 pub use judge::{Baselines, Trial, settings_to_record};
 pub use record::PathRecord;

@@ -121,7 +121,6 @@ pub fn trial<'a>(record: &'a PathRecord, map: &'a FrontierMap, baselines: Baseli
         control: ControlSettings::default(),
         baselines,
         default: map.knobs.highest(),
-        meter_interval: |_| std::time::Duration::from_secs(1),
     }
 }
 
