@@ -74,24 +74,30 @@ impl<T> Candidate<T> {
     fn priority(&self) -> f32 {
         self.area * self.density / self.rank
     }
+
+    /// Whether its priority is finite and above `floor`.
+    pub(super) fn is_above(&self, floor: f32) -> bool {
+        let priority = self.priority();
+        priority > floor && priority.is_finite() && self.density > 0.0
+    }
 }
 
-/// At most `count` of `candidates`, in their order, each with the area in m² that it represents.
-/// Those of zero or non-finite weight are left out.
-pub(super) fn choose<T: Copy>(mut candidates: Vec<Candidate<T>>, count: usize) -> Vec<(T, f32)> {
-    candidates.retain(|candidate| {
-        candidate.priority() > 0.0 && candidate.priority().is_finite() && candidate.density > 0.0
-    });
-    if candidates.len() <= count {
-        return candidates.into_iter().map(|candidate| (candidate.point, candidate.area)).collect();
-    }
+/// The highest priority of those that are not among the `count` highest; `None` where there is none.
+pub(super) fn threshold<T>(candidates: &[Candidate<T>], count: usize) -> Option<f32> {
     let mut priorities: Vec<f32> = candidates.iter().map(Candidate::priority).collect();
-    let (_, threshold, _) = priorities.select_nth_unstable_by(count, |a, b| b.total_cmp(a));
-    let threshold = *threshold;
-    let above = candidates.into_iter().filter(|candidate| candidate.priority() > threshold);
-    above
-        .map(|candidate| (candidate.point, candidate.area.max(threshold / candidate.density)))
-        .collect()
+    (priorities.len() > count)
+        .then(|| *priorities.select_nth_unstable_by(count, |a, b| b.total_cmp(a)).1)
+}
+
+/// Those of `candidates` whose priority exceeds the `threshold`, in their order, each with the area in m²
+/// that it represents. All of them without a threshold.
+pub(super) fn choose<T: Copy>(
+    candidates: &[Candidate<T>],
+    threshold: Option<f32>,
+) -> impl Iterator<Item = (T, f32)> {
+    let threshold = threshold.unwrap_or(0.0);
+    let above = candidates.iter().filter(move |candidate| candidate.is_above(threshold));
+    above.map(move |candidate| (candidate.point, candidate.area.max(threshold / candidate.density)))
 }
 
 /// Ranks of the points of one surface, which lie along a space-filling curve: any run of them is
@@ -101,6 +107,22 @@ pub(super) fn rank(index: usize, seed: u32) -> f32 {
     let bits = (index as u32).reverse_bits().wrapping_add(seed);
     // Never 0, and never above 1: floats have 24 bits.
     ((bits >> 8) + 1) as f32 / 16_777_216.0
+}
+
+/// Those of `count` points whose [`rank`] is at most `most`, in any order; perhaps a few more. Takes time
+/// in proportion to their number.
+pub(super) fn ranked_up_to(most: f32, count: usize, seed: u32) -> impl Iterator<Item = usize> {
+    // Of a power of two, the reversed bits of all indices are multiples of a step.
+    let places = count.next_power_of_two() as u64;
+    let step = (1 << 32) / places;
+    let first = u64::from(seed.wrapping_neg()).div_ceil(step);
+    // NaN and infinity reach all. Ranks are rounded up to 2⁻²⁴.
+    let reached =
+        if most < 1.0 { (f64::from(most) * 2_f64.powi(32)) as u64 + 256 } else { 1 << 32 };
+    let number = (reached / step + 1).min(places);
+    (first..first + number)
+        .map(move |place| ((place % places * step) as u32).reverse_bits() as usize)
+        .filter(move |index| *index < count)
 }
 
 /// Relative density of patches: 1 at the camera, a half at a distance of `near`, and beyond that
@@ -145,6 +167,17 @@ impl PatchFocus {
     /// Relative density at a position.
     pub(super) fn density(&self, position: Vec3) -> f32 {
         density(position, self.center, self.near)
+    }
+
+    /// No density in a sphere is greater.
+    pub(super) fn most_density(&self, center: Vec3, radius: f32) -> f32 {
+        let distance = (center.distance(self.center) - radius).max(0.0);
+        density(Vec3::X * distance, Vec3::ZERO, self.near)
+    }
+
+    /// Whether densities in a sphere differ by a quarter at most.
+    pub(super) fn is_even(&self, (center, radius): (Vec3, f32)) -> bool {
+        radius <= 0.125 * self.near.max(center.distance(self.center))
     }
 }
 

@@ -15,12 +15,17 @@ fn line(count: usize, seed: u32) -> Vec<Candidate<usize>> {
         .collect()
 }
 
+/// At most `count` of `candidates`, and their areas.
+fn chosen(candidates: Vec<Candidate<usize>>, count: usize) -> Vec<(usize, f32)> {
+    choose(&candidates, threshold(&candidates, count)).collect()
+}
+
 #[test]
 fn the_selection_represents_all_points() {
     for (points, count) in [(100, 10), (1000, 64), (1000, 999), (5000, 512)] {
         let mut ratios = Vec::new();
         for seed in 0..256u32 {
-            let chosen = choose(line(points, seed.wrapping_mul(2_654_435_769)), count);
+            let chosen = chosen(line(points, seed.wrapping_mul(2_654_435_769)), count);
             assert_eq!(chosen.len(), count);
             ratios
                 .push(chosen.iter().map(|(_, area)| f64::from(*area)).sum::<f64>() / points as f64);
@@ -34,10 +39,10 @@ fn the_selection_represents_all_points() {
 #[test]
 fn with_room_for_all_each_point_represents_itself() {
     for (points, count) in [(0, 0), (0, 8), (1, 1), (8, 8), (8, 100)] {
-        let chosen = choose(line(points, 0), count);
+        let chosen = chosen(line(points, 0), count);
         assert_eq!(chosen, (0..points).map(|point| (point, 1.0)).collect::<Vec<_>>());
     }
-    assert_eq!(choose(line(5, 0), 0), []);
+    assert_eq!(chosen(line(5, 0), 0), []);
 }
 
 #[test]
@@ -46,7 +51,7 @@ fn near_surfaces_have_more_patches() {
         let density = density(Vec3::X * point as f32, Vec3::ZERO, 300.0);
         Candidate { area: 1.0, density, rank: rank(point, 0), point }
     });
-    let chosen = choose(candidates.collect(), 128);
+    let chosen = chosen(candidates.collect(), 128);
     let near = chosen.iter().filter(|(point, _)| *point < 600).count();
     // ∫ 1/(1 + (x/300)²) from 0 to 600, as a share of that to 4096.
     let share = 2f64.atan() / (4096.0f64 / 300.0).atan();
@@ -55,7 +60,7 @@ fn near_surfaces_have_more_patches() {
 
 #[test]
 fn other_points_keep_their_patches_when_a_surface_appears() {
-    let before = choose(line(4000, 0), 512);
+    let before = chosen(line(4000, 0), 512);
     let mut more = line(4000, 0);
     more.extend((0..40).map(|point| Candidate {
         area: 1.0,
@@ -63,7 +68,7 @@ fn other_points_keep_their_patches_when_a_surface_appears() {
         rank: rank(point, 77),
         point: 10_000 + point,
     }));
-    let after = choose(more, 512);
+    let after = chosen(more, 512);
     let kept =
         before.iter().filter(|(point, _)| after.iter().any(|(other, _)| other == point)).count();
     let came = after.iter().filter(|(point, _)| *point >= 10_000).count();
@@ -81,8 +86,8 @@ fn zero_and_non_finite_weights_are_left_out() {
         odd(1.0, 0.0),
         odd(1.0, f32::NAN),
     ];
-    assert_eq!(choose(candidates, 8), []);
-    assert_eq!(choose(vec![odd(1e-30, 1.0), odd(1e30, 1.0)], 8).len(), 2);
+    assert_eq!(chosen(candidates, 8), []);
+    assert_eq!(chosen(vec![odd(1e-30, 1.0), odd(1e30, 1.0)], 8).len(), 2);
     assert_eq!(density(Vec3::splat(f32::INFINITY), Vec3::ZERO, 1.0), 0.0);
 }
 
@@ -99,6 +104,39 @@ fn ranks_of_any_run_are_evenly_distributed() {
             "{ranks:?}"
         );
         assert!(ranks[0] > 0.0 && ranks[63] <= 1.0);
+    }
+}
+
+#[test]
+fn points_are_found_by_their_ranks() {
+    for count in [1, 2, 3, 64, 100, 1024] {
+        for seed in [0, 1, 12_345, 1 << 31, u32::MAX - 255, u32::MAX] {
+            for most in [0.0, 1e-7, 0.001, 0.3, 0.999, 1.0, f32::NAN, f32::INFINITY] {
+                let mut found: Vec<usize> = ranked_up_to(most, count, seed).collect();
+                found.sort_unstable();
+                let unique = found.windows(2).all(|pair| pair[0] < pair[1]);
+                let expected: Vec<usize> =
+                    (0..count).filter(|index| !(rank(*index, seed) > most)).collect();
+                let are_there = expected.iter().all(|index| found.binary_search(index).is_ok());
+                assert!(unique && are_there, "{count}, {seed}, {most}: {found:?}, {expected:?}");
+                assert!(found.len() <= expected.len() + 2, "{count}, {seed}, {most}: {found:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_density_in_a_sphere_is_greater_than_its_bound() {
+    let focus = PatchFocus::new(Entity::PLACEHOLDER, Vec3::ZERO, 40.0, None);
+    for (x, radius) in [(0.0, 1.0), (3.0, 1.0), (3.0, 5.0), (100.0, 0.0), (100.0, 12.0)] {
+        let center = Vec3::new(x, 0.3, -0.2);
+        let most = focus.most_density(center, radius);
+        let densities = [-1.0, -0.5, 0.0, 0.5, 1.0]
+            .map(|along| focus.density(center + Vec3::new(along * radius, 0.0, 0.0)));
+        assert!(densities.into_iter().all(|density| density <= most * 1.0001), "{x}, {radius}");
+        let [least, greatest] = [f32::min, f32::max].map(|of| densities.into_iter().reduce(of));
+        let is_even = least.zip(greatest).is_some_and(|(least, most)| least > 0.5 * most);
+        assert!(is_even || !focus.is_even((center, radius)), "{x}, {radius}: {densities:?}");
     }
 }
 

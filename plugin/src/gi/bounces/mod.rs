@@ -12,12 +12,14 @@
 //! |---|---|---|
 //! | `choice` | none | a patch as the GPU reads it; where patches are dense; selects points for them |
 //! | `points` | main | points on all surfaces, more on those that matter |
+//! | `chosen` | main | the points from which a camera's patches are chosen, kept while meshes move |
 //! | `patches` | main | keeps every camera's patches: some of these points, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
 //! | `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
 
 mod camera;
 mod choice;
+mod chosen;
 mod patches;
 mod points;
 

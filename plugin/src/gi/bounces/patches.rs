@@ -8,11 +8,12 @@ use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResource;
 
-use super::choice::{Candidate, PATCHES, Patch, PatchFocus, choose, rank};
-use super::points::{PatchInstance, PatchKey, PatchPoints, refine};
+use super::choice::{PATCHES, Patch, PatchFocus};
+use super::chosen::{Chosen, Places};
+use super::points::{POINTS, PatchInstance, PatchKey, PatchPoints, refine};
 use crate::cut::{CameraCut, Jumps};
 use crate::gi::surfaces::{
-    MeshChanges, Reflectance, SurfaceAssets, SurfaceEvents, SurfaceMesh, SurfaceSet, area_matrix,
+    MeshChanges, Reflectance, SurfaceAssets, SurfaceChange, SurfaceEvents, SurfaceMesh, SurfaceSet,
 };
 use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
 
@@ -64,7 +65,16 @@ pub(super) struct Surfaces {
     points: SurfaceSet<PatchKey, (), Option<PatchPoints>>,
     focuses: Vec<PatchFocus>,
     numbers: Numbers,
+    /// Number of each instance, and the indices of those with one, in its order.
+    numbered: (Vec<Option<u32>>, Vec<usize>),
+    /// Importance of each instance when points were last refined.
+    importances: Vec<f64>,
+    /// For each focus.
+    chosen: Vec<Chosen>,
 }
+
+/// Change of a surface's importance, as a factor, from which points are refined anew.
+const OTHER_IMPORTANCE: f64 = 2.0;
 
 /// A number for each surface, which it keeps until the next cut. Numbers of entities would not do:
 /// they differ from one run of an app to the next.
@@ -99,14 +109,6 @@ impl Numbers {
             self.next = self.next.wrapping_add(1);
         }
     }
-
-    /// Those with a number, in its order.
-    fn sorted<'a>(&self, instances: &'a [PatchInstance]) -> Vec<(u32, &'a PatchInstance)> {
-        let numbered = instances.iter().filter_map(|all| Some((*self.of.get(&all.entity)?, all)));
-        let mut sorted: Vec<_> = numbered.collect();
-        sorted.sort_unstable_by_key(|(number, _)| *number);
-        sorted
-    }
 }
 
 pub(super) fn update(
@@ -127,7 +129,8 @@ pub(super) fn update(
     gi_cameras: GiCameras,
     (changes, jumps): (Res<MeshChanges>, Res<Jumps>),
 ) {
-    let Surfaces { points: surfaces, focuses: before, numbers } = &mut *surfaces;
+    let Surfaces { points: surfaces, focuses: before, numbers, numbered, importances, chosen } =
+        &mut *surfaces;
     surfaces.cache.read(&mut events);
     let mut focuses: Vec<PatchFocus> = cameras
         .iter()
@@ -146,6 +149,7 @@ pub(super) fn update(
             // Points stay, since they take longer to compute than patches.
             surfaces.clear();
             before.clear();
+            chosen.clear();
             *patches = GiPatches::default();
         }
         return;
@@ -153,7 +157,7 @@ pub(super) fn update(
     // Query order is arbitrary; sorting keeps patches the same in every run.
     focuses.sort_unstable_by_key(|focus| focus.camera);
     let materials = assets.materials.as_deref();
-    let changed = surfaces.update(
+    let change = surfaces.update(
         &meshes,
         (&gi_cameras.shown(), &changes),
         |mesh, material| {
@@ -164,70 +168,53 @@ pub(super) fn update(
     );
     // What comes after a cut does not depend on what was before.
     let is_cut = cameras.iter().any(|(.., is_cut)| is_cut);
-    if changed || is_cut || *before != focuses {
-        let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);
-        let are_refined = refine(values, instances, &focuses, is_cut, &assets);
+    let is_as_before = !is_cut && *before == focuses;
+    let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);
+    let importance = |values: &HashMap<PatchKey, Option<PatchPoints>>, instance: &PatchInstance| {
+        let points = values.get(&instance.key).and_then(Option::as_ref);
+        let found = points.map_or(0.0, |points| points.importance(&instance.affine, &focuses));
+        if found.is_finite() { found } else { 0.0 }
+    };
+    let moved = match change {
+        SurfaceChange::Nothing if is_as_before => return,
+        SurfaceChange::Moved(moved) if is_as_before => {
+            let least = importances.iter().sum::<f64>() / POINTS as f64;
+            let is_alike = |index: &usize| {
+                let [old, now] = [importances[*index], importance(values, &instances[*index])];
+                let [low, high] = [old.min(now), old.max(now)];
+                high <= least || high < OTHER_IMPORTANCE * low
+            };
+            moved.iter().all(is_alike).then_some(moved)
+        }
+        _ => None,
+    };
+    if moved.is_none() {
+        *importances = instances.iter().map(|instance| importance(values, instance)).collect();
+        surfaces.cache.changed = !refine(values, instances, importances, is_cut, &assets);
         if is_cut {
             *numbers = Numbers::default();
         }
         numbers.update(values, instances);
-        let sorted = numbers.sorted(instances);
-        let set = |focus: &PatchFocus| {
-            let camera = focus.camera;
-            let chosen = chosen(values, &sorted, focus);
-            // Keeps the old patches where another camera moved or a change was far away.
-            let same =
-                patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
-            PatchSet {
-                camera,
-                patches: same.map_or_else(|| Arc::new(chosen), |set| Arc::clone(&set.patches)),
-            }
-        };
-        let sets = focuses.iter().map(set).collect();
-        *patches = GiPatches { sets };
+        let number = |instance: &PatchInstance| numbers.of.get(&instance.entity).copied();
+        let of: Vec<Option<u32>> = instances.iter().map(number).collect();
+        let mut order: Vec<usize> = (0..of.len()).filter(|index| of[*index].is_some()).collect();
+        order.sort_unstable_by_key(|index| of[*index]);
+        *numbered = (of, order);
+        *chosen = focuses.iter().map(|focus| Chosen::new(*focus)).collect();
         *before = focuses;
-        surfaces.cache.changed = !are_refined;
     }
-}
-
-/// A camera's patches.
-fn chosen(
-    held: &HashMap<PatchKey, Option<PatchPoints>>,
-    instances: &[(u32, &PatchInstance)],
-    focus: &PatchFocus,
-) -> Vec<Patch> {
-    let mut candidates = Vec::new();
-    for (number, instance) in instances {
-        let Some(Some(held)) = held.get(&instance.key) else { continue };
-        let points = held.in_use();
-        let spread = area_matrix(&instance.affine);
-        // A multiple of the golden ratio.
-        let seed = number.wrapping_mul(2_654_435_769);
-        for (index, point) in points.points.iter().enumerate() {
-            let Some(sample) = point.sample else { continue };
-            let facing = spread * point.normal;
-            let position = instance.affine.transform_point3(point.position);
-            let area = (points.area * f64::from(facing.length())) as f32;
-            let normal = facing.normalize_or_zero();
-            if !position.is_finite() || normal == Vec3::ZERO {
-                continue;
-            }
-            let density = focus.density(position);
-            for (side, sign) in (0..).zip(instance.key.reflectance.sides.signs()) {
-                let rank = rank(index, seed.wrapping_add(side << 31));
-                candidates.push(Candidate {
-                    area,
-                    density,
-                    rank,
-                    point: (position, normal * *sign, sample),
-                });
-            }
+    let places = Places { held: values, instances, numbers: &numbered.0, order: &numbered.1 };
+    let importance = importances.iter().sum();
+    let sets = chosen.iter_mut().map(|chosen| {
+        let camera = chosen.focus.camera;
+        let now = chosen.patches(&places, moved.as_deref(), importance);
+        // Keeps the old patches where another camera moved or a change was far away.
+        let same = patches.sets.iter().find(|set| set.camera == camera && *set.patches == now);
+        PatchSet {
+            camera,
+            patches: same.map_or_else(|| Arc::new(now), |set| Arc::clone(&set.patches)),
         }
-    }
-    let mut patches: Vec<Patch> = choose(candidates, PATCHES)
-        .into_iter()
-        .map(|((position, normal, sample), area)| Patch::new(position, area, normal, &sample))
-        .collect();
-    patches.resize(PATCHES, Patch::default());
-    patches
+    });
+    let sets = sets.collect();
+    *patches = GiPatches { sets };
 }

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
+use bevy::math::bounding::BoundingSphere;
+use bevy::math::{Affine3A, Mat3A};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 
-use super::choice::{PATCHES, PatchFocus};
+use super::choice::{Candidate, PATCHES, PatchFocus, rank, ranked_up_to};
 use crate::gi::surfaces::{
     MaterialSample, Reflectance, SurfaceAssets, SurfaceInstance, SurfaceKey, SurfacePoint,
     SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
@@ -14,13 +16,15 @@ use crate::gi::surfaces::{
 
 /// Approximate number of points on all surfaces, from which a camera's patches are selected: near
 /// surfaces can have eight times the density of patches of others.
-const POINTS: usize = 8 * PATCHES;
+pub(super) const POINTS: usize = 8 * PATCHES;
 /// Most points of one surface.
 const MAX_POINTS: usize = 8192;
 /// Between cuts a surface keeps up to so many times its target count of points.
 const TOO_MANY: usize = 8;
 /// Points that a surface's importance is estimated with.
 const FIRST_POINTS: usize = 64;
+/// Of those, one of so many where patches are about as dense everywhere on the surface.
+const EVEN_STEP: usize = 8;
 /// Material samples for each point of a textured or masked surface.
 const SAMPLES_PER_POINT: usize = 8;
 
@@ -42,13 +46,36 @@ impl SurfaceKey for PatchKey {
 }
 
 pub(super) type PatchInstance = SurfaceInstance<PatchKey, ()>;
+/// Position and normal in world space, and the material there.
+pub(super) type PatchCandidate = Candidate<(Vec3, Vec3, MaterialSample)>;
 
 /// Points of a surface. A point in a hole has no material.
 pub(super) type Points = SurfacePoints<Option<MaterialSample>>;
 
+/// Points of a surface, and a sphere around them.
+struct Bounded {
+    points: Points,
+    around: BoundingSphere,
+}
+
+impl Bounded {
+    fn new(points: Points) -> Self {
+        let places: Vec<Vec3> = points.points.iter().map(|point| point.position).collect();
+        Self { points, around: BoundingSphere::from_point_cloud(Isometry3d::IDENTITY, &places) }
+    }
+
+    /// The sphere's centre in the world and its radius, metres.
+    fn around(&self, affine: &Affine3A) -> (Vec3, f32) {
+        let Mat3A { x_axis, y_axis, z_axis } = affine.matrix3;
+        let squares = x_axis.length_squared() + y_axis.length_squared() + z_axis.length_squared();
+        let center = affine.transform_point3a(self.around.center);
+        (center.into(), self.around.radius() * squares.sqrt())
+    }
+}
+
 /// Points of a surface at every count that was asked for: they take longer to compute than patches.
 pub(super) struct PatchPoints {
-    by_count: BTreeMap<usize, Points>,
+    by_count: BTreeMap<usize, Bounded>,
     /// Count of those in use.
     count: usize,
 }
@@ -56,22 +83,80 @@ pub(super) struct PatchPoints {
 impl PatchPoints {
     /// `None` while the surface's assets are not loaded, and `Some(None)` where they cannot be read.
     pub(super) fn new(key: &PatchKey, assets: &SurfaceAssets) -> Option<Option<Self>> {
-        let first = points(key, FIRST_POINTS, assets)?;
+        let first = points(key, FIRST_POINTS, assets)?.map(Bounded::new);
         Some(first.map(|first| Self { by_count: [(FIRST_POINTS, first)].into(), count: 0 }))
     }
 
     /// Those in use; those of the estimate before [`refine`].
-    pub(super) fn in_use(&self) -> &Points {
-        self.by_count.get(&self.count).unwrap_or_else(|| self.first())
-    }
-
-    fn first(&self) -> &Points {
-        &self.by_count[&FIRST_POINTS]
+    fn in_use(&self) -> &Bounded {
+        self.by_count.get(&self.count).unwrap_or(&self.by_count[&FIRST_POINTS])
     }
 
     /// A place on the surface, in the mesh's own space.
     pub(super) fn place(&self) -> Vec3 {
-        self.first().points.first().map_or(Vec3::ZERO, |point| point.position)
+        let first = &self.by_count[&FIRST_POINTS].points;
+        first.points.first().map_or(Vec3::ZERO, |point| point.position)
+    }
+
+    /// Area × density for the nearest camera, m². Always by the same points, so that it does not depend on
+    /// earlier views.
+    pub(super) fn importance(&self, affine: &Affine3A, focuses: &[PatchFocus]) -> f64 {
+        let first = &self.by_count[&FIRST_POINTS];
+        let around = first.around(affine);
+        let is_even = focuses.iter().all(|focus| focus.is_even(around));
+        let step = if is_even { EVEN_STEP } else { 1 };
+        let spread = area_matrix(affine);
+        let parts = first.points.points.iter().step_by(step).map(|point| {
+            let position = affine.transform_point3(point.position);
+            let densest = focuses.iter().map(|focus| focus.density(position)).fold(0.0, f32::max);
+            first.points.area * f64::from((spread * point.normal).length() * densest)
+        });
+        parts.sum::<f64>() * step as f64
+    }
+
+    /// Adds the points whose priority exceeds `floor` to `found`, in their order. Most others are not
+    /// looked at. `seed`: of the surface's ranks.
+    pub(super) fn candidates_above(
+        &self,
+        floor: f32,
+        (instance, seed): (&PatchInstance, u32),
+        focus: &PatchFocus,
+        found: &mut Vec<PatchCandidate>,
+    ) {
+        let points = self.in_use();
+        let affine = &instance.affine;
+        let (center, radius) = points.around(affine);
+        let spread = area_matrix(affine);
+        let squares = spread.x_axis.length_squared()
+            + spread.y_axis.length_squared()
+            + spread.z_axis.length_squared();
+        let area = points.points.area as f32;
+        // No area is stretched more. Rounding must not leave a point out.
+        let most = 1.001 * area * squares.sqrt() * focus.most_density(center, radius) / floor;
+        let sides = instance.key.reflectance.sides.signs();
+        let mut ranked = Vec::new();
+        for side in 0..sides.len() as u32 {
+            let seed = seed.wrapping_add(side << 31);
+            let indices = ranked_up_to(most, points.points.points.len(), seed);
+            ranked.extend(indices.map(|index| (index, side)));
+        }
+        ranked.sort_unstable();
+        found.extend(ranked.into_iter().filter_map(|(index, side)| {
+            let point = &points.points.points[index];
+            let sample = point.sample?;
+            let facing = spread * point.normal;
+            let position = affine.transform_point3(point.position);
+            let area = (points.points.area * f64::from(facing.length())) as f32;
+            let normal = facing.normalize_or_zero() * sides[side as usize];
+            let candidate = Candidate {
+                area,
+                density: focus.density(position),
+                rank: rank(index, seed.wrapping_add(side << 31)),
+                point: (position, normal, sample),
+            };
+            let is_one = position.is_finite() && normal != Vec3::ZERO;
+            (is_one && candidate.is_above(floor)).then_some(candidate)
+        }));
     }
 
     /// Uses `target` points, or some more where `is_kept`. Returns whether no texture must be waited
@@ -88,7 +173,7 @@ impl PatchPoints {
         }
         if let Entry::Vacant(vacant) = self.by_count.entry(target) {
             match points(key, target, assets) {
-                Some(Some(list)) => drop(vacant.insert(list)),
+                Some(Some(list)) => drop(vacant.insert(Bounded::new(list))),
                 Some(None) => return true,
                 // Its texture went to the GPU since the first points were read.
                 None => return false,
@@ -99,39 +184,21 @@ impl PatchPoints {
     }
 }
 
-/// Gives every surface points in proportion to its importance (area × density for the nearest
-/// camera), in powers of two. Between cuts, those with some more keep them: patches stay. Returns
-/// whether no texture must be waited for.
+/// Gives every surface points in proportion to its importance, in powers of two. Between cuts, those with
+/// some more keep them: patches stay. Returns whether no texture must be waited for.
 pub(super) fn refine(
     held: &mut HashMap<PatchKey, Option<PatchPoints>>,
     instances: &[PatchInstance],
-    focuses: &[PatchFocus],
+    importances: &[f64],
     is_cut: bool,
     assets: &SurfaceAssets,
 ) -> bool {
     let mut importance: HashMap<PatchKey, f64> = HashMap::default();
-    let mut total = 0.0;
-    for instance in instances {
-        let Some(Some(points)) = held.get(&instance.key) else { continue };
-        // Always the same points, so that importance does not depend on earlier views.
-        let points = points.first();
-        let spread = area_matrix(&instance.affine);
-        let own: f64 = points
-            .points
-            .iter()
-            .map(|point| {
-                let position = instance.affine.transform_point3(point.position);
-                let densest =
-                    focuses.iter().map(|focus| focus.density(position)).fold(0.0, f32::max);
-                points.area * f64::from((spread * point.normal).length() * densest)
-            })
-            .sum();
-        if own > 0.0 && own.is_finite() {
-            total += own;
-            let most = importance.entry(instance.key).or_default();
-            *most = most.max(own);
-        }
+    for (instance, own) in instances.iter().zip(importances).filter(|(_, own)| **own > 0.0) {
+        let most = importance.entry(instance.key).or_default();
+        *most = most.max(*own);
     }
+    let total: f64 = importances.iter().sum();
     let mut are_refined = true;
     for (key, importance) in importance {
         let target =
@@ -181,6 +248,14 @@ fn coarse(fine: &Points, samples: usize) -> Points {
         SurfacePoint { sample, ..*middle }
     });
     Points { points: points.collect(), area: fine.area * samples as f64 }
+}
+
+#[cfg(test)]
+impl PatchPoints {
+    /// Of a surface that needs no assets.
+    pub(super) fn of(points: Points) -> Self {
+        Self { by_count: [(FIRST_POINTS, Bounded::new(points))].into(), count: 0 }
+    }
 }
 
 #[cfg(test)]

@@ -23,9 +23,9 @@ use bevy::render::extract_resource::ExtractResource;
 use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceEvents, SurfaceInstance,
-    SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint, Triangles,
-    changed_asset, triangles,
+    Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceChange, SurfaceEvents,
+    SurfaceInstance, SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint,
+    Triangles, changed_asset, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
 use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
@@ -160,7 +160,7 @@ pub(super) fn update(
         surfaces.clear();
         return;
     }
-    let changed = surfaces.update(
+    let change = surfaces.update(
         &meshes,
         (&gi_cameras.shown(), &changes),
         |mesh, material| {
@@ -171,7 +171,7 @@ pub(super) fn update(
         |key| surface(key, FIRST_TEXELS, &assets),
     );
     let now = distinct_exposures(&surfaces.instances, of_cameras);
-    if changed || *exposures != now {
+    if change != SurfaceChange::Nothing || *exposures != now {
         *exposures = now;
         let mut is_coarse = false;
         let (values, instances) = (&mut surfaces.cache.values, &surfaces.instances);

@@ -36,7 +36,8 @@ pub(super) use points::{
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 use scan::{ChangeKind, Columns, scan};
 pub(super) use set::{
-    SurfaceCache, SurfaceEvents, SurfaceInstance, SurfaceKey, SurfaceMesh, SurfaceSet,
+    SurfaceCache, SurfaceChange, SurfaceEvents, SurfaceInstance, SurfaceKey, SurfaceMesh,
+    SurfaceSet,
 };
 
 pub(super) struct SurfacesPlugin;

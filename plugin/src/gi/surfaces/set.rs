@@ -119,6 +119,15 @@ pub(in crate::gi) struct SurfaceInstance<Key, Material> {
     pub material: Material,
 }
 
+/// What has become of a [`SurfaceSet`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in crate::gi) enum SurfaceChange {
+    Nothing,
+    /// These instances are elsewhere.
+    Moved(Vec<usize>),
+    Anything,
+}
+
 /// The visible surfaces of one kind, and a value for each key among them.
 pub(in crate::gi) struct SurfaceSet<Key, Material, Value> {
     pub cache: SurfaceCache<Key, Value>,
@@ -148,7 +157,7 @@ where
     }
 
     /// Follows the scene. `kind`: what a mesh and a material are; `None` for what is not of this
-    /// kind. `make`: as for [`SurfaceCache::fill`]. Returns whether instances or values changed; it
+    /// kind. `make`: as for [`SurfaceCache::fill`]. Returns how instances or values changed; it
     /// is up to the caller to reset [`SurfaceCache::changed`].
     pub(crate) fn update<Filter: QueryFilter>(
         &mut self,
@@ -156,50 +165,48 @@ where
         (shown, changes): (&VisibilityFilter, &MeshChanges),
         kind: impl Fn(AssetId<Mesh>, AssetId<StandardMaterial>) -> Option<(Key, Material)>,
         make: impl FnMut(&Key) -> Option<Value>,
-    ) -> bool {
+    ) -> SurfaceChange {
         let are_kept = !changes.is_altered()
             && !self.cache.changed
             && self.read_for.as_ref() == Some(shown.layers());
-        if are_kept && changes.moved.is_empty() {
-            return false;
+        if are_kept && changes.moved.iter().all(|(_, affine)| affine.is_finite()) {
+            return self.displace(changes);
         }
         let mut is_complete = true;
-        let from_scene = || {
-            let mut now = Vec::new();
-            for SurfaceMeshItem { entity, mesh, material, place, visible, showing } in meshes {
-                let affine = place.affine();
-                is_complete &= affine.is_finite();
-                if affine.is_finite()
-                    && visible.get()
-                    && shown.has(&showing, place)
-                    && let Some((key, material)) = kind(mesh.id(), material.id())
-                {
-                    now.push(SurfaceInstance { entity, key, affine, material });
-                }
+        let mut now = Vec::new();
+        for SurfaceMeshItem { entity, mesh, material, place, visible, showing } in meshes {
+            let affine = place.affine();
+            is_complete &= affine.is_finite();
+            if affine.is_finite()
+                && visible.get()
+                && shown.has(&showing, place)
+                && let Some((key, material)) = kind(mesh.id(), material.id())
+            {
+                now.push(SurfaceInstance { entity, key, affine, material });
             }
-            now.sort_unstable_by_key(|instance| instance.entity);
-            now
-        };
-        let moved = if are_kept { self.displaced(changes) } else { None };
-        let now = moved.unwrap_or_else(from_scene);
+        }
+        now.sort_unstable_by_key(|instance| instance.entity);
         let used = now.iter().map(|instance| instance.key);
         let is_complete = self.cache.fill(used, make) && is_complete;
         self.read_for = is_complete.then(|| shown.layers().clone());
         let changed = self.cache.changed || self.instances != now;
         self.instances = now;
-        changed
+        if changed { SurfaceChange::Anything } else { SurfaceChange::Nothing }
     }
 
-    /// Instances after meshes moved; `None` where one is nowhere. Moves of other meshes do not
-    /// matter.
-    fn displaced(&self, changes: &MeshChanges) -> Option<Vec<SurfaceInstance<Key, Material>>> {
-        let mut now = self.instances.clone();
-        for (moved, affine) in &changes.moved {
-            if let Ok(index) = now.binary_search_by_key(moved, |instance| instance.entity) {
-                now[index].affine = *affine;
+    /// Moves instances. Moves of other meshes do not matter.
+    fn displace(&mut self, changes: &MeshChanges) -> SurfaceChange {
+        let mut moved = Vec::new();
+        for (entity, affine) in &changes.moved {
+            let found = self.instances.binary_search_by_key(entity, |instance| instance.entity);
+            if let Ok(index) = found
+                && self.instances[index].affine != *affine
+            {
+                self.instances[index].affine = *affine;
+                moved.push(index);
             }
         }
-        now.iter().all(|instance| instance.affine.is_finite()).then_some(now)
+        if moved.is_empty() { SurfaceChange::Nothing } else { SurfaceChange::Moved(moved) }
     }
 }
 
