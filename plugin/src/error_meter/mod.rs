@@ -40,10 +40,9 @@ pub struct ErrorProbe {
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(MeasuredError, probe::MeterState)]
 pub struct ErrorMeter {
-    /// Mean time from the 64th measurement to the next; earlier ones follow sooner, later ones
-    /// later: see [`interval`](Self::interval). Lower values follow views faster; higher values
-    /// cost less: a measurement renders [`frames`](Self::frames) frames of its part at the best
-    /// settings. Default: 20 s.
+    /// Mean time between measurements, ½ to 1½ times of which pass in turns. Lower values follow views
+    /// faster; higher values cost less: a measurement renders [`frames`](Self::frames) frames of its part
+    /// at the best settings. Default: 20 s.
     pub period: Duration,
     /// Share of the image's width and height that is measured, 0 to 1; NaN counts as 1. Each
     /// measurement takes another part. Higher values vary less; lower values cost less. Default: ¼.

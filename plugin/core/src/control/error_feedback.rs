@@ -12,14 +12,8 @@ use bevy_ecs::reflect::ReflectComponent;
 #[cfg(feature = "bevy")]
 use bevy_reflect::std_traits::ReflectDefault;
 
-/// Period of error meters that an app does not set.
+/// Mean period of error meters that an app does not set.
 pub const MEASUREMENT_PERIOD: Duration = Duration::from_secs(20);
-/// Measurement after which the mean period is that of the settings. Higher values cost more; lower values
-/// leave fewer for views that the map does not know.
-const STEADY: f64 = 64.0;
-/// Shortest and longest mean period, as multiples of that. Lower values find a new level's errors sooner,
-/// and follow a camera to another part of it; higher values cost less.
-const STRETCH: [f64; 2] = [0.25, 3.0];
 /// Measurements that the map's calibration counts for. Higher values keep its margin for longer;
 /// lower values follow the first measurements, which may be of an unusual view.
 const PRIOR: f64 = 4.0;
@@ -109,14 +103,10 @@ impl ErrorFeedback {
     }
 }
 
-/// Time from an error meter's measurement number `count` to the next: ½ to 1½ times a mean, by the golden
-/// ratio. A fixed period could meet the same views of a round again and again. The mean is a quarter of
-/// `period` up to the 16th measurement. Then it grows in proportion to `count`, up to three times
-/// `period`, since each further measurement says less.
+/// Time from an error meter's measurement number `count` to the next: ½ to 1½ times `period`, by the golden
+/// ratio. A fixed period could meet the same views of a round again and again.
 pub fn measurement_interval(period: Duration, count: u32) -> Duration {
-    let count = f64::from(count);
-    let stretch = (count / STEADY).clamp(STRETCH[0], STRETCH[1]);
-    let share = stretch * (0.5 + (0.618_033_988_749_895 * count).fract());
+    let share = 0.5 + (0.618_033_988_749_895 * f64::from(count)).fract();
     Duration::try_from_secs_f64(period.as_secs_f64() * share).unwrap_or(Duration::MAX)
 }
 
