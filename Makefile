@@ -17,6 +17,8 @@ OUTPUT = target/demo
 SIZE = 160x90
 FPS = 15
 TIME_LIMIT = 4m
+# Counted work is the same in every run; METER=nvml and others measure (docs/power.md).
+METER = work
 # An interrupted search goes on; EXISTING=--overwrite begins anew.
 EXISTING = --resume
 POWER_BUDGET = 60%
@@ -52,12 +54,14 @@ build: setup
 	@echo "Built. Next: make demo, or scripts/run $(FRUGAL) --help."
 
 MAP = $(OUTPUT)/$(patsubst %.scene.ron,%,$(notdir $(SCENE))).pareto.ron
-EVALUATE = scripts/run "$(FRUGAL)" evaluate "$(SCENE)" --map "$(MAP)"
+# Meters read the whole machine, so that only with counted work two processes render.
+METERED = --meter "$(METER)" $(if $(filter work%,$(METER)),--workers 2)
+EVALUATE = scripts/run "$(FRUGAL)" evaluate "$(SCENE)" --map "$(MAP)" $(METERED)
 
 demo: build
 	mkdir -p "$(OUTPUT)"
 	scripts/run "$(FRUGAL)" precompute "$(SCENE)" --output "$(MAP)" --path tour --size $(SIZE) --fps $(FPS) \
-		--time-limit $(TIME_LIMIT) $(EXISTING) --report "$(OUTPUT)/search"
+		--time-limit $(TIME_LIMIT) $(METERED) $(EXISTING) --report "$(OUTPUT)/search"
 	$(EVALUATE) --record "$(OUTPUT)/tour.record" --power-budget $(POWER_BUDGET) --json "$(OUTPUT)/evaluate-power.json" --report "$(OUTPUT)/power"
 	$(EVALUATE) --record "$(OUTPUT)/tour.record" --error-budget $(ERROR_BUDGET) --json "$(OUTPUT)/evaluate-error.json" \
 		--report "$(OUTPUT)/error"

@@ -15,6 +15,7 @@ use bevy::prelude::{Cuboid, Sphere};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::gi::inspect::{self, GiPass, RepeatedPass};
+use frugal::scene::CameraPath;
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, Moving, Readings, above_none, median};
@@ -33,6 +34,9 @@ const SCENES: [&str; 3] = ["cornell", "courtyard", "two_rooms"];
 fn ladder() -> Vec<Method> {
     vec![
         Method::ours(64, "2x2", "none", "1/16", 64),
+        Method::ours(64, "4x4", "cached", "1/16", 64),
+        Method::ours(64, "4x4", "cached", "1/16", 64).every(8),
+        Method::ours(1024, "4x4", "cached", "1/16", 128),
         Method::ours(64, "4x4", "coarse", "1/16", 64),
         Method::ours(128, "2x2", "coarse", "1/16", 64),
         Method::ours(128, "2x2", "coarse", "1/16", 64).every(4),
@@ -182,8 +186,9 @@ fn compare(name: &str, options: &Arguments) {
         .collect();
     let mut rows: Vec<Row> = baselines.into_iter().chain(ours).chain(maps).collect();
     let methods: Vec<Method> = rows.iter().map(|row| row.method.clone()).collect();
-    let (all, none_ms) = priced(&mut stage, &methods, Moving::Everything, options);
-    let (camera, _) = priced(&mut stage, &methods, Moving::Camera, options);
+    let walk = Some(&scene.paths["tour"]);
+    let (all, none_ms) = priced(&mut stage, &methods, Moving::Everything, options, walk);
+    let (camera, _) = priced(&mut stage, &methods, Moving::Camera, options, walk);
     for (row, costs) in rows.iter_mut().zip(all.into_iter().zip(camera)) {
         row.costs_ms = Some(costs.into());
     }
@@ -246,11 +251,12 @@ fn priced(
     methods: &[Method],
     moving: Moving,
     options: &Arguments,
+    path: Option<&CameraPath>,
 ) -> (Vec<f64>, f64) {
     for method in methods {
         method.radiance(stage);
     }
-    above_none(stage, methods, moving, readings(options))
+    above_none(stage, methods, moving, readings(options), path)
 }
 
 /// Cost of each pass: the additional time of a frame that runs it twice.
@@ -326,9 +332,9 @@ fn growth(options: &Arguments) {
     };
     let mut both = |quantity: &str, mut small: Stage, mut large: Stage| {
         let methods = default_and_naive();
-        let (a, none_a) = priced(&mut small, &methods, Moving::Everything, options);
+        let (a, none_a) = priced(&mut small, &methods, Moving::Everything, options, None);
         drop(small);
-        let (b, none_b) = priced(&mut large, &methods, Moving::Everything, options);
+        let (b, none_b) = priced(&mut large, &methods, Moving::Everything, options, None);
         row(quantity, "the frame without GI", (none_a, none_b));
         row(quantity, "ours", (a[0], b[0]));
         row(quantity, "naive-rsm", (a[1], b[1]));
@@ -343,7 +349,7 @@ fn growth(options: &Arguments) {
         .flat_map(|(few, many)| [*few, *many])
         .map(|count| Method::ours(count, "4x4", "coarse", "1/4", 128))
         .collect();
-    let (costs, _) = priced(&mut stage, &methods, Moving::Everything, options);
+    let (costs, _) = priced(&mut stage, &methods, Moving::Everything, options, None);
     for ((few, many), costs) in vpls.iter().zip(costs.chunks_exact(2)) {
         row("VPLs x4", &format!("ours, {few} to {many}"), (costs[0], costs[1]));
     }

@@ -24,7 +24,7 @@ const SETTINGS: [&str; 3] = [
     "gi_visibility=coarse,gi_pixel_fraction=1/16,gi_interleave=8x8,gi_vpl_count=64,rsm_resolution=64",
     "gi_visibility=coarse,gi_pixel_fraction=1/16",
 ];
-/// What the others leave open: near the default.
+/// What settings leave open that do not begin with a preset, such as `default`: near the default.
 const BASE: &str = "min,gi_refresh_period=1,resolution_scale=100%,gi_vpl_count=1024,gi_interleave=4x4,gi_pixel_fraction=1/4,rsm_resolution=128";
 /// Frames after a cut.
 const CUT: u32 = 5;
@@ -115,7 +115,11 @@ fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Ve
     let back = options.count as f32 / RATE;
     let walk = if seconds >= back { -1.0 / RATE } else { 1.0 / RATE };
     for settings in settings {
-        let text = format!("{BASE},{settings}");
+        let begins = |preset| settings.starts_with(preset);
+        let text = match ["min,", "max,", "default,"].into_iter().any(begins) {
+            true => settings.to_string(),
+            false => format!("{BASE},{settings}"),
+        };
         set::apply(&mut stage, &text);
         set::make_lambertian(&mut stage);
         frame(&mut stage, &scene, seconds);

@@ -4,9 +4,13 @@ use std::time::Instant;
 
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::power::{CpuTimeMeter, PowerMeter};
+use frugal::scene::CameraPath;
 use frugal::stage::{Stage, software_adapter};
 
 use crate::method::Method;
+
+/// Frames per second of a walk.
+const WALK_FPS: f32 = 60.0;
 
 /// The time that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,11 +37,22 @@ impl Clock {
 
     /// Mean time over `frames` frames, milliseconds per frame.
     pub fn frames_ms(self, stage: &mut Stage, frames: u32) -> f64 {
+        self.walk_ms(stage, frames, None)
+    }
+
+    /// The same while the camera walks along the first frames of a path, if there is one.
+    fn walk_ms(self, stage: &mut Stage, frames: u32, path: Option<&CameraPath>) -> f64 {
         let mut meter = CpuTimeMeter::default();
         let watts = CpuTimeMeter::DEFAULT_WATTS_PER_CORE.0;
         let mut cpu_seconds = || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
         let (start, cpu_start) = (Instant::now(), cpu_seconds());
-        (0..frames).for_each(|_| stage.frame());
+        for number in 1..=frames {
+            let pose = path.and_then(|path| path.sample(number as f32 / WALK_FPS));
+            if let Some(pose) = pose {
+                stage.place(pose.position, pose.rotation);
+            }
+            stage.frame();
+        }
         let seconds = match self {
             Self::Cpu => cpu_seconds() - cpu_start,
             Self::Wall => start.elapsed().as_secs_f64(),
@@ -76,7 +91,7 @@ pub struct Readings {
 
 /// Cost per frame of each method above a frame without global illumination, milliseconds: the
 /// median over rounds of differences within a round. The second value is the cost of a frame
-/// without global illumination.
+/// without global illumination. Where only the camera moves, it walks along `path`, if there is one.
 ///
 /// Every method must have been rendered once, so that all pipelines are compiled.
 pub fn above_none(
@@ -84,6 +99,7 @@ pub fn above_none(
     methods: &[Method],
     moving: Moving,
     readings: Readings,
+    path: Option<&CameraPath>,
 ) -> (Vec<f64>, f64) {
     let clock = Clock::suitable();
     let read = |stage: &mut Stage, method: &Method| {
@@ -96,7 +112,7 @@ pub fn above_none(
         stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
         stage.world_mut().insert_resource(moving.policy());
         stage.frame();
-        clock.frames_ms(stage, readings.frames)
+        clock.walk_ms(stage, readings.frames, path.filter(|_| moving == Moving::Camera))
     };
     let (mut above, mut none) = (vec![Vec::new(); methods.len()], Vec::new());
     for _ in 0..readings.rounds {
