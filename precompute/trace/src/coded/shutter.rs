@@ -33,11 +33,6 @@ impl Shutter {
         self.row_time
     }
 
-    /// Number of rows.
-    pub fn rows(&self) -> u32 {
-        self.rows
-    }
-
     /// Light of every row ÷ that of the same light without modulation, for a frame that begins at
     /// `start`, seconds: 1 on average over whole periods. Zeros for a light that is off.
     pub fn profile(&self, modulation: &impl Modulation, start: f64) -> Vec<f64> {
