@@ -19,7 +19,7 @@ use super::arguments::{
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
-use crate::evaluate::{self, EvaluationError, frames_csv, pictures, play_for_real, table};
+use crate::evaluate::{self, EvaluationError, frames_csv, play_for_real, table};
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 use bevy_frugal_gi::stage::default_settings;
@@ -67,7 +67,7 @@ pub(super) struct Arguments {
     /// Every frame of every run
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Folder for a page with images and plots
+    /// Folder for a page with plots
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
 }
@@ -174,7 +174,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     for result in &results {
         println!("{}", table(result));
     }
-    outputs(&mut stage, arguments, &trial, &results)
+    outputs(arguments, &map, &results)
 }
 
 /// Plays frugal runs for real.
@@ -216,9 +216,8 @@ fn with_progress<T>(play: impl FnOnce(OnFrame<'_>) -> T) -> T {
 }
 
 fn outputs(
-    stage: &mut RemoteStage,
     arguments: &Arguments,
-    trial: &Trial<'_>,
+    map: &FrontierMap,
     results: &[EvaluationResult],
 ) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
@@ -229,16 +228,11 @@ fn outputs(
     }
     if let (Some(path), [result]) = (&arguments.csv, results) {
         let mut rows = Vec::new();
-        frames_csv(result, &trial.map.knobs, &mut rows).map_err(CliError::failed)?;
+        frames_csv(result, &map.knobs, &mut rows).map_err(CliError::failed)?;
         write(path, &rows)?;
     }
     if let (Some(folder), [result]) = (&arguments.report, results) {
-        let (path, frames) = (&trial.record.path, result.frames);
-        let numbers = [frames / 4, frames / 2, 3 * frames / 4];
-        let renderer = &mut stage.processes[0];
-        let kept = with_progress(|on_frame| pictures(renderer, path, result, &numbers, on_frame))
-            .map_err(CliError::failed)?;
-        write_report(folder, &evaluation_report(result, &kept).map_err(CliError::failed)?)?;
+        write_report(folder, &evaluation_report(result).map_err(CliError::failed)?)?;
     }
     Ok(())
 }

@@ -1,17 +1,13 @@
-//! Real plays beside those from a record: a check of the simulation, the machine's drift, and
-//! images.
+//! Real plays beside those from a record: a check of the simulation, and the machine's drift.
 
 use std::ops::ControlFlow;
 
 use frugal_core::knobs::KnobLevels;
-use frugal_search::evaluate::{Drift, EvaluationResult, Fixed, FrameRecord, PathPlan, Policy};
-use frugal_trace::metrics::{Picture, Reference};
+use frugal_search::evaluate::{Drift, Fixed, FrameRecord, PathPlan, Policy};
+use frugal_trace::metrics::Reference;
 
 use super::{Against, EvaluationError, Progress, play};
 use crate::stage::FrameRenderer;
-
-/// Frames of history of an image.
-const HISTORY: usize = 8;
 
 /// Renders a run of each of `policies`, between two runs of the `best` settings, whose images are
 /// the references. Returns their frames, and the drift from the first run to the last.
@@ -43,45 +39,9 @@ pub(crate) fn play_for_real(
     Ok((runs, Drift::between(&first, &last)))
 }
 
-/// Renders `frames` of every run, each with a short history; those beyond the path are left out. Images
-/// have captions with the run, the frame and its cost.
-///
-/// # Errors
-/// When the frame renderer fails or `on_frame` breaks.
-pub(crate) fn pictures(
-    renderer: &mut impl FrameRenderer,
-    path: &PathPlan,
-    result: &EvaluationResult,
-    frames: &[usize],
-    on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<Vec<(String, Picture)>, EvaluationError> {
-    let mut kept = Vec::new();
-    let frames_total = result.runs.len() * frames.len();
-    for run in &result.runs {
-        for frame in frames.iter().copied().filter(|frame| *frame < run.series.len()) {
-            let mut picture = None;
-            for shown in frame.saturating_sub(HISTORY)..=frame {
-                let (pose, settings) = (&path.poses()[shown], run.series[shown].settings);
-                if picture.is_none() {
-                    renderer.begin_run(&run.name, pose, settings)?;
-                }
-                picture = Some(renderer.render_frame(pose, settings)?.0);
-            }
-            let (name, FrameRecord { power, error, .. }) = (&run.name, &run.series[frame]);
-            let caption = format!("{name}, frame {frame}: {:.2} W, error {error:.4}", power.0);
-            kept.extend(picture.map(|picture| (caption, picture)));
-            let frames_done = kept.len();
-            if on_frame(&Progress { run: "images", frames_done, frames_total }).is_break() {
-                return Err(EvaluationError::Interrupted);
-            }
-        }
-    }
-    Ok(kept)
-}
-
 #[cfg(test)]
 mod tests {
-    use frugal_search::evaluate::{Baselines, BudgetRequest, PowerBudget};
+    use frugal_search::evaluate::{Baselines, BudgetRequest, EvaluationResult, PowerBudget};
     use frugal_search::testing::formula::{ALONG, map, path, recorded, space, trial};
 
     use super::*;

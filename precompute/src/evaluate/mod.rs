@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `mod` | one run along a path: frame renderer, policy, per-frame records |
 //! | `render_path` | makes a record of a path, with several renderers side by side |
-//! | `check` | real plays beside the record: errors of simulation, drift, images |
+//! | `check` | real plays beside the record: errors of simulation, drift |
 //! | `table` | results as text, and per-frame CSV |
 
 mod check;
@@ -25,7 +25,7 @@ use frugal_trace::metrics::Reference;
 
 use crate::scene::CameraPath;
 use crate::stage::{FrameRenderer, RemoteError};
-pub(crate) use check::{pictures, play_for_real};
+pub(crate) use check::play_for_real;
 pub(crate) use render_path::extend;
 pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};
 

@@ -1,5 +1,5 @@
-//! Reports: one self-contained HTML file each, with embedded plots and images, for light and dark
-//! mode and for phones.
+//! Reports: one self-contained HTML file each, with embedded plots, for light and dark mode and for
+//! phones.
 //!
 //! A [`Report`] is a title and sections.
 //!
