@@ -43,15 +43,17 @@ pub(crate) enum EvaluationError {
     Interrupted,
 }
 
-/// A scene's path called `name`, from its start, at `fps` frames per second.
+/// A scene's path called `name`, from its start, at `fps` frames per second: at least one.
 ///
 /// # Errors
-/// As [`PathPlan::sample`].
+/// As [`PathPlan::new`].
 pub(crate) fn plan_along(name: &str, path: &CameraPath, fps: f64) -> Result<PathPlan, String> {
-    PathPlan::sample(name, f64::from(path.duration()), fps, |seconds| {
-        path.sample(path.start() + seconds as f32)
+    let pose = |frame: usize| {
+        path.sample(path.start() + (frame as f64 / fps) as f32)
             .unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
-    })
+    };
+    let frames = (f64::from(path.duration()) * fps).round().max(1.0) as usize;
+    PathPlan::new(name, fps, (0..frames).map(pose))
 }
 
 /// Progress of an evaluation.
@@ -111,4 +113,34 @@ fn play(
         }
     }
     Ok(records)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::scene::CameraKey;
+
+    #[test]
+    fn a_path_has_as_many_frames_as_its_length_says() {
+        let planned = |duration: f32, fps: f64| {
+            let key = |time: f32| CameraKey {
+                time: 3.0 + time,
+                position: Vec3::X * time,
+                look_at: Vec3::X * time + Vec3::NEG_Z,
+            };
+            let path = CameraPath { keys: vec![key(0.0), key(duration)] };
+            plan_along("tour", &path, fps)
+        };
+        let frames = |duration, fps| planned(duration, fps).unwrap().poses().len();
+        assert_eq!(frames(6.0, 30.0), 180);
+        assert_eq!(frames(0.99, 2.0), 2);
+        assert_eq!(frames(0.0, 30.0), 1, "a still camera is a path too");
+        let path = planned(1.0, 4.0).unwrap();
+        for (frame, pose) in path.poses().iter().enumerate() {
+            assert!((pose.position.x - 0.25 * frame as f32).abs() < 1e-6, "{pose:?}");
+        }
+        assert!(planned(f32::MAX, 30.0).is_err());
+    }
 }
