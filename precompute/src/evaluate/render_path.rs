@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
-use frugal_search::journal::{Journal, JournalError};
+use frugal_search::journal::{Journal, JournalError, cost_record};
 use frugal_trace::metrics::Reference;
 
 use super::{Against, EvaluationError, Progress, play};
@@ -43,7 +43,8 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
         for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
             let cost = CostPoint::new(power.0, error);
-            journal.append(&write_line(settings, frame, cost))?;
+            let question = format!("frame {:x} {frame:x}", settings.bits());
+            journal.append(&cost_record(&question, cost))?;
             table.set(frame, settings, cost);
         }
         Ok::<_, JournalError>(())
@@ -90,16 +91,6 @@ fn constant(
 ) -> Result<Vec<FrameRecord>, EvaluationError> {
     let run = space.describe(settings);
     play(renderer, path, &run, &mut Fixed(settings), against, on_frame)
-}
-
-/// Exact bits, so that a resumed record is identical.
-fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
-    format!(
-        "frame {:x} {frame:x} {:016x} {:016x}",
-        settings.bits(),
-        cost.power.0.to_bits(),
-        cost.error.to_bits()
-    )
 }
 
 #[cfg(test)]

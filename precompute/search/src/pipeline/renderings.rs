@@ -12,7 +12,7 @@ use frugal_trace::scene::CameraPose;
 use super::PipelineError;
 use super::clock::Clock;
 use crate::cameras::{CameraSet, MovingCamera};
-use crate::journal::{Journal, JournalError};
+use crate::journal::{Journal, JournalError, cost_record, read_cost};
 use crate::table::{Batch, Measure, Measured};
 
 /// Purpose of a camera; its letter in the journal.
@@ -77,7 +77,9 @@ impl<'a, M: Measure> Renderings<'a, M> {
     /// Starts the time limit's clock, or continues it where the journal has one.
     pub(super) fn new(setup: Setup<'a, M>) -> Self {
         let records = &setup.journal.1;
-        let known = records.iter().filter_map(|record| read_rendering(record)).collect();
+        let costs = records.iter().filter_map(|record| read_cost(record));
+        let known = costs.filter(|(question, _)| question.starts_with("render "));
+        let known = known.map(|(question, cost)| (question.to_owned(), cost)).collect();
         Self { known, clock: Clock::start(setup.limit, records), setup }
     }
 
@@ -108,7 +110,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             clock.seconds = before + started.elapsed().as_secs_f64();
             done += 1;
             let question = question(cameras[batch], settings);
-            let record = write_rendering(&question, cost);
+            let record = cost_record(&question, cost);
             known.insert(question, cost);
             if let Err(error) = append(journal, &record, clock) {
                 failure = Err(error.into());
@@ -239,19 +241,6 @@ fn question((purpose, camera): (Purpose, usize), settings: KnobLevels) -> String
     format!("render {} {camera:x} {:x}", purpose as u8 as char, settings.bits())
 }
 
-/// Exact bits, so that a record reads back as it was rendered.
-fn write_rendering(question: &str, cost: CostPoint) -> String {
-    format!("{question} {:016x} {:016x}", cost.power.0.to_bits(), cost.error.to_bits())
-}
-
-fn read_rendering(record: &str) -> Option<(String, CostPoint)> {
-    let mut words = record.rsplitn(3, ' ');
-    let mut number = || u64::from_str_radix(words.next()?, 16).ok().map(f64::from_bits);
-    let (error, power) = (number()?, number()?);
-    let question = words.next().filter(|question| question.starts_with("render "))?;
-    Some((question.to_owned(), CostPoint::new(power, error)))
-}
-
 fn write_settings(settings: &[KnobLevels]) -> String {
     settings.iter().map(|one| format!("{:x}", one.bits())).collect::<Vec<_>>().join(" ")
 }
@@ -270,12 +259,12 @@ mod tests {
         for cost in [CostPoint::new(0.1 + 0.2, 1e-300), CostPoint::new(f64::INFINITY, -0.0)] {
             let asked = question((Purpose::Calibration, 77), KnobLevels::from_bits(u128::MAX));
             assert_eq!(asked, format!("render c 4d {:x}", u128::MAX));
-            assert_eq!(read_rendering(&write_rendering(&asked, cost)), Some((asked, cost)));
+            assert_eq!(read_cost(&cost_record(&asked, cost)), Some((asked.as_str(), cost)));
         }
         for settings in [vec![], vec![KnobLevels::from_bits(0x1f), KnobLevels::from_bits(0)]] {
             assert_eq!(read_settings(&write_settings(&settings)), Some(settings));
         }
         assert_eq!(read_settings("1f x"), None);
-        assert_eq!((read_rendering("render t 0 0 x 0"), read_rendering("decide")), (None, None));
+        assert_eq!((read_cost("render t 0 0 x 0"), read_cost("decide")), (None, None));
     }
 }
