@@ -10,6 +10,7 @@ use frugal_search::evaluate::{
     parse_error_budget, settings_to_record,
 };
 use frugal_search::journal::{Existing, hash};
+use frugal_search::pipeline;
 
 use super::CliError;
 use super::arguments::{
@@ -204,14 +205,13 @@ fn check(
 }
 
 /// What to do after each frame of a play.
-type OnFrame<'a> = &'a mut dyn FnMut(&evaluate::Progress<'_>) -> ControlFlow<()>;
+type OnFrame<'a> = &'a mut dyn FnMut(&pipeline::Progress<'_>) -> ControlFlow<()>;
 
 /// Plays frames, and shows their progress.
 fn with_progress<T>(play: impl FnOnce(OnFrame<'_>) -> T) -> T {
     let shown = Progress::new(0, "frames");
     play(&mut |progress| {
-        let what = format!("frames, {}", progress.run);
-        shown.at(progress.frames_done, progress.frames_total, what)
+        shown.at(progress.done, progress.total, format!("frames, {}", progress.stage))
     })
 }
 

@@ -4,9 +4,10 @@ use std::ops::ControlFlow;
 
 use frugal_core::knobs::KnobLevels;
 use frugal_search::evaluate::{Drift, Fixed, FrameRecord, PathPlan, Policy};
+use frugal_search::pipeline::Progress;
 use frugal_trace::metrics::Reference;
 
-use super::{Against, EvaluationError, Progress, play};
+use super::{Against, EvaluationError, play};
 use crate::stage::FrameRenderer;
 
 /// Renders a run of each of `policies`, between two runs of the `best` settings, whose images are
@@ -21,12 +22,12 @@ pub(crate) fn play_for_real(
     policies: &mut [Box<dyn Policy + '_>],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
 ) -> Result<(Vec<Vec<FrameRecord>>, Drift), EvaluationError> {
-    let frames_total = (2 + policies.len()) * path.poses().len();
-    let mut frames_done = 0;
+    let total = (2 + policies.len()) * path.poses().len();
+    let mut done = 0;
     let mut run = |name: &str, policy: &mut dyn Policy, against: Against<'_>| {
         play(renderer, path, name, policy, against, &mut || {
-            frames_done += 1;
-            on_frame(&Progress { run: name, frames_done, frames_total })
+            done += 1;
+            on_frame(&Progress { stage: name, done, total })
         })
     };
     let mut references: Vec<Reference> = Vec::new();
@@ -64,8 +65,8 @@ mod tests {
             space().highest(),
             &mut policies,
             &mut |progress| {
-                seen = progress.frames_done;
-                assert!(progress.frames_done <= progress.frames_total);
+                seen = progress.done;
+                assert!(progress.done <= progress.total);
                 ControlFlow::Continue(())
             },
         )
@@ -109,7 +110,7 @@ mod tests {
         let play = |renderer: &mut Fake, most: usize| {
             let mut policies: Vec<Box<dyn Policy>> = vec![Box::new(Fixed(space().lowest()))];
             let on_frame = &mut |progress: &Progress<'_>| {
-                if progress.frames_done == most {
+                if progress.done == most {
                     ControlFlow::Break(())
                 } else {
                     ControlFlow::Continue(())

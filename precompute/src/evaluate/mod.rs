@@ -56,17 +56,6 @@ pub(crate) fn plan_along(name: &str, path: &CameraPath, fps: f64) -> Result<Path
     PathPlan::new(name, fps, (0..frames).map(pose))
 }
 
-/// Progress of an evaluation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Progress<'a> {
-    /// The run that is playing.
-    pub run: &'a str,
-    /// Frames of all runs played so far, this one included.
-    pub frames_done: usize,
-    /// Frames of all runs.
-    pub frames_total: usize,
-}
-
 /// Use of a run's images.
 enum Against<'a> {
     /// Stores them as the references.

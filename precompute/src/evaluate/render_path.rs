@@ -7,9 +7,10 @@ use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
 use frugal_search::journal::{Journal, JournalError, cost_record};
+use frugal_search::pipeline::Progress;
 use frugal_trace::metrics::Reference;
 
-use super::{Against, EvaluationError, Progress, play};
+use super::{Against, EvaluationError, play};
 use crate::stage::{FrameRenderer, side_by_side};
 
 /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
@@ -34,11 +35,11 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     let Some(first) = renderers.first_mut().filter(|_| !missing.is_empty()) else {
         return Ok(());
     };
-    let frames_total = (1 + missing.len()) * path.poses().len();
-    let mut frames_done = 0;
+    let total = (1 + missing.len()) * path.poses().len();
+    let mut done = 0;
     let mut told = |settings: KnobLevels| {
-        frames_done += 1;
-        on_frame(&Progress { run: &space.describe(settings), frames_done, frames_total })
+        done += 1;
+        on_frame(&Progress { stage: &space.describe(settings), done, total })
     };
     let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
         for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
