@@ -78,7 +78,7 @@ fn play(
     for (frame, pose) in path.poses().iter().enumerate() {
         let choice = policy.decide(frame, dt, pose);
         if frame == 0 {
-            renderer.begin_run(name, pose, choice.settings)?;
+            renderer.begin_run(pose, choice.settings)?;
         }
         let (picture, power) = renderer.render_frame(pose, choice.settings)?;
         let at_frame = |error| RemoteError::failed(format!("run `{name}`, frame {frame}: {error}"));

@@ -78,12 +78,7 @@ impl Report {
     }
 
     /// A table. Cells that are numbers are aligned to the right; the first column names the row.
-    pub(crate) fn table<S: AsRef<str>>(
-        &mut self,
-        caption: &str,
-        headers: &[S],
-        rows: &[Vec<String>],
-    ) {
+    pub(crate) fn table(&mut self, caption: &str, headers: &[&str], rows: &[Vec<String>]) {
         let numeric = |text: &str| text.parse::<f64>().is_ok();
         let is_number = |column: usize| {
             !rows.is_empty()
@@ -97,7 +92,7 @@ impl Report {
             escape(caption)
         );
         for (header, class) in headers.iter().zip(&classes) {
-            let _ = write!(self.body, "<th scope=\"col\"{class}>{}</th>", escape(header.as_ref()));
+            let _ = write!(self.body, "<th scope=\"col\"{class}>{}</th>", escape(header));
         }
         self.body.push_str("</tr></thead>\n<tbody>\n");
         for row in rows {

@@ -37,14 +37,8 @@ impl Color {
     /// Background data.
     pub(crate) const GREY: Self = Self(0x80, 0x88, 0x90);
     /// Distinguishable, also with most red-green colour vision deficiencies.
-    pub(crate) const SERIES: [Self; 6] = [
-        Self::BLUE,
-        Self(0xd9, 0x73, 0x0d),
-        Self(0x2a, 0x9d, 0x8a),
-        Self(0xb0, 0x5f, 0xc8),
-        Self(0x93, 0x7a, 0x2c),
-        Self(0xd4, 0x4c, 0x8a),
-    ];
+    pub(crate) const SERIES: [Self; 4] =
+        [Self::BLUE, Self(0xd9, 0x73, 0x0d), Self(0x2a, 0x9d, 0x8a), Self(0xb0, 0x5f, 0xc8)];
 
     /// As CSS writes it.
     pub(crate) fn css(self) -> String {

@@ -204,12 +204,7 @@ fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, RemoteError
 }
 
 impl FrameRenderer for StageProcess {
-    fn begin_run(
-        &mut self,
-        _: &str,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<(), RemoteError> {
+    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), RemoteError> {
         self.ask(&Request::Begin { pose: *pose, settings }).map(drop)
     }
 
