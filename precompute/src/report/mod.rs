@@ -6,7 +6,6 @@
 //! | part | job |
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
-//! | `plan` | a scene from above, as SVG |
 //! | `plot` | SVG plots: curves and names over linear or logarithmic axes |
 //! | `evaluation` | `frugal evaluate` |
 //! | `map` | `frugal inspect` |
@@ -16,7 +15,6 @@ mod control_log;
 mod evaluation;
 mod map;
 mod page;
-mod plan;
 mod plot;
 mod search;
 
