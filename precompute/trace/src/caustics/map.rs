@@ -5,6 +5,8 @@ use std::collections::BinaryHeap;
 
 use glam::Vec3;
 
+use crate::scene::extent;
+
 /// Photons of a leaf.
 const LEAF: usize = 8;
 
@@ -131,11 +133,7 @@ fn split(photons: &mut [Photon], axes: &mut [u8]) {
     if photons.len() <= LEAF {
         return;
     }
-    let (min, max) =
-        photons.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), photon| {
-            (min.min(photon.position), max.max(photon.position))
-        });
-    let axis = (max - min).max_position();
+    let axis = extent(photons.iter().map(|photon| photon.position)).max_position();
     let middle = photons.len() / 2;
     photons.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
     axes[middle] = axis as u8;
