@@ -22,7 +22,7 @@ use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
 
-pub use baselines::{Reactive, best_constant, ladder};
+pub use baselines::{Reactive, ladder};
 pub use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub use controlled::Controller;
 pub use data::{Made, RecordFile, read_records};
