@@ -17,7 +17,7 @@ use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{FrameLayout, Work, work_names};
 use crate::journal::{Existing, Journal, JournalHeader, records_of};
 use crate::pipeline::{Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, run};
-use crate::table::Measure;
+use crate::table::{Batch, Measure, Measured};
 
 /// The plugin's knobs, all of them.
 pub fn every_knob() -> KnobSpace {
@@ -148,17 +148,40 @@ pub(crate) fn cost(space: &KnobSpace, pose: &CameraPose, settings: KnobLevels) -
     )
 }
 
+impl Formula {
+    pub(crate) fn measure(&mut self, clip: &[CameraPose], settings: KnobLevels) -> CostPoint {
+        self.renderings += 1;
+        cost(&self.space, clip.last().expect("a pose"), settings)
+    }
+}
+
 impl Measure for Formula {
     type Error = Infallible;
 
-    fn measure(
+    fn measure_all(
         &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<CostPoint, Infallible> {
-        self.renderings += 1;
-        Ok(cost(&self.space, clip.last().expect("a pose"), settings))
+        batches: &[Batch],
+        done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    ) -> Result<(), Infallible> {
+        one_by_one(batches, done, |clip, settings| self.measure(clip, settings))
     }
+}
+
+/// Measures batches in order.
+pub(crate) fn one_by_one(
+    batches: &[Batch],
+    done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    mut measure: impl FnMut(&[CameraPose], KnobLevels) -> CostPoint,
+) -> Result<(), Infallible> {
+    for (batch, Batch { clip, settings }) in batches.iter().enumerate() {
+        for settings in settings.iter().copied() {
+            let cost = measure(clip, settings);
+            if done(Measured { batch, settings, cost }).is_break() {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
 }
 
 pub(crate) fn cameras() -> CameraSet {

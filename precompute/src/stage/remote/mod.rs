@@ -24,7 +24,6 @@ use std::sync::Arc;
 
 use bevy_frugal_gi::stage::NO_METER;
 use bevy_frugal_gi::stage::protocol::Opened;
-use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
@@ -121,14 +120,6 @@ impl RemoteStage {
 
 impl Measure for RemoteStage {
     type Error = RemoteError;
-
-    fn measure(
-        &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<CostPoint, RemoteError> {
-        self.processes[0].measure(clip, settings)
-    }
 
     fn measure_all(
         &mut self,

@@ -74,7 +74,7 @@ impl StageProcess {
     ///
     /// # Errors
     /// When the process fails.
-    pub(super) fn measure(
+    pub(crate) fn measure(
         &mut self,
         clip: &[CameraPose],
         settings: KnobLevels,
