@@ -12,20 +12,17 @@
 //! |---|---|
 //! | `waveform` | a square wave, and its integral |
 //! | `sequence` | square waves one after another: scrambled frequencies |
-//! | `shutter` | rows of light, and images from them |
-//! | `stripes` | closed forms of stripes |
+//! | `shutter` | rows of light, closed forms of their stripes, and images from them |
 //! | `barcode` | codes as ratios of frequencies, and their detector |
 
 mod barcode;
 mod sequence;
 mod shutter;
-mod stripes;
 mod waveform;
 
 pub use barcode::{CODES, Detector, Verdict, barcode, ratios};
 pub use sequence::Sequence;
-pub use shutter::{Shutter, compose};
-pub use stripes::Stripes;
+pub use shutter::{Shutter, Stripes, compose};
 use waveform::positive;
 pub use waveform::{CodedError, Modulation, Waveform};
 
