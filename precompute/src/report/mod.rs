@@ -41,17 +41,11 @@ fn percent(share: f64) -> String {
 
 /// Describes the power meter in a sentence.
 fn provenance(meter: &MeterInfo) -> String {
-    match meter.provenance {
-        Provenance::Measured => {
-            format!("Power was measured, by the meter {}: {}.", meter.name, meter.description)
-        }
-        Provenance::Modelled => {
-            format!(
-                "Power was not measured. It was computed by the model {}: {}.",
-                meter.name, meter.description
-            )
-        }
-    }
+    let how = match meter.provenance {
+        Provenance::Measured => "measured, by the meter",
+        Provenance::Modelled => "not measured. It was computed by the model",
+    };
+    format!("Power was {how} {}: {}.", meter.name, meter.description)
 }
 
 /// Adds a table of cost points: only knobs that differ get a column.

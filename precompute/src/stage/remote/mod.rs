@@ -88,7 +88,7 @@ impl RemoteStage {
         let mut processes: Vec<_> = (0..count).map(process).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
         let (meter, idle) = match &work {
-            Some(work) => (work.info(), work.idle()),
+            Some(work) => (work.info.clone(), work.idle()),
             None => (meter.ok_or_else(|| RemoteError::usage("the stage has no meter"))?, idle),
         };
         Ok(Self {

@@ -185,7 +185,7 @@ impl StageProcess {
         if power.0.is_finite() && power.0 > 0.0 {
             return Ok(power);
         }
-        let name = work.info().name;
+        let name = work.info.name.as_str();
         let error = MeterError::broken(name, format!("gave {power} for rendered frames"));
         Err(RemoteError::failed(error))
     }
