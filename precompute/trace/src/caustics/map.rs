@@ -43,11 +43,6 @@ impl PhotonMap {
         Self { photons, axes }
     }
 
-    /// Whether there are no photons.
-    pub(super) fn is_empty(&self) -> bool {
-        self.photons.is_empty()
-    }
-
     /// The `count` nearest photons to `place` within `reach`, metres, that arrived from above a
     /// surface with `normal`: each with its squared distance, m², the nearest first.
     pub(super) fn nearest(

@@ -98,13 +98,8 @@ impl Cache {
     }
 
     /// Number of records.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.records.len()
-    }
-
-    /// Whether there are no records.
-    pub fn is_empty(&self) -> bool {
-        self.records.is_empty()
     }
 
     /// Mean radiance over all directions at `point`, nits, linear RGB; equation 2.23. `None` where
