@@ -10,7 +10,7 @@ use frugal_search::evaluate::{
     parse_error_budget, settings_to_record,
 };
 use frugal_search::journal::{Existing, hash};
-use frugal_search::pipeline;
+use frugal_search::pipeline::{PipelineError, Progress as Played};
 
 use super::CliError;
 use super::arguments::{
@@ -20,7 +20,7 @@ use super::arguments::{
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
-use crate::evaluate::{self, EvaluationError, frames_csv, play_for_real, table};
+use crate::evaluate::{self, frames_csv, play_for_real, table};
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 use bevy_frugal_gi::stage::default_settings;
@@ -205,7 +205,7 @@ fn check(
 }
 
 /// What to do after each frame of a play.
-type OnFrame<'a> = &'a mut dyn FnMut(&pipeline::Progress<'_>) -> ControlFlow<()>;
+type OnFrame<'a> = &'a mut dyn FnMut(&Played<'_>) -> ControlFlow<()>;
 
 /// Plays frames, and shows their progress.
 fn with_progress<T>(play: impl FnOnce(OnFrame<'_>) -> T) -> T {
@@ -262,12 +262,10 @@ fn record(
         evaluate::extend(&mut record, &mut stage.processes, &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
-        EvaluationError::Journal(error) => of.failed(&error),
-        EvaluationError::Interrupted if kept.is_none() => CliError::failed(
+        PipelineError::Interrupted if kept.is_none() => CliError::failed(
             "interrupted: nothing was written; --record FILE keeps what is rendered",
         ),
-        EvaluationError::Interrupted => of.interrupted(),
-        error => CliError::failed(error),
+        error => of.ended(error),
     })?;
     eprintln!(
         "recorded {} settings at {} frames",

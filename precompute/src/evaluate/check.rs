@@ -4,10 +4,10 @@ use std::ops::ControlFlow;
 
 use frugal_core::knobs::KnobLevels;
 use frugal_search::evaluate::{Drift, Fixed, FrameRecord, PathPlan, Policy};
-use frugal_search::pipeline::Progress;
+use frugal_search::pipeline::{PipelineError, Progress};
 use frugal_trace::metrics::Reference;
 
-use super::{Against, EvaluationError, play};
+use super::{Against, play};
 use crate::stage::FrameRenderer;
 
 /// Renders a run of each of `policies`, between two runs of the `best` settings, whose images are
@@ -21,7 +21,7 @@ pub(crate) fn play_for_real(
     best: KnobLevels,
     policies: &mut [Box<dyn Policy + '_>],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<(Vec<Vec<FrameRecord>>, Drift), EvaluationError> {
+) -> Result<(Vec<Vec<FrameRecord>>, Drift), PipelineError> {
     let total = (2 + policies.len()) * path.poses().len();
     let mut done = 0;
     let mut run = |name: &str, policy: &mut dyn Policy, against: Against<'_>| {
@@ -123,6 +123,6 @@ mod tests {
         };
         let broken = play(&mut Fake { broken_at: Some(13), ..Fake::default() }, 99);
         assert_eq!(broken.to_string(), "broken");
-        assert!(matches!(play(&mut Fake::default(), 25), EvaluationError::Interrupted));
+        assert!(matches!(play(&mut Fake::default(), 25), PipelineError::Interrupted));
     }
 }

@@ -20,7 +20,7 @@ use std::ops::ControlFlow;
 
 use frugal_core::frontier::CostPoint;
 use frugal_search::evaluate::{FrameRecord, PathPlan, Policy, Pose};
-use frugal_search::journal::JournalError;
+use frugal_search::pipeline::PipelineError;
 use frugal_trace::metrics::Reference;
 
 use crate::scene::CameraPath;
@@ -28,20 +28,6 @@ use crate::stage::{FrameRenderer, RemoteError};
 pub(crate) use check::play_for_real;
 pub(crate) use render_path::extend;
 pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};
-
-/// Why an evaluation failed.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum EvaluationError {
-    /// Rendering or metering failed, or an image cannot be compared.
-    #[error(transparent)]
-    Renderer(#[from] RemoteError),
-    /// The record could not be written.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-    /// Stopped from outside.
-    #[error("interrupted")]
-    Interrupted,
-}
 
 /// A scene's path called `name`, from its start, at `fps` frames per second: at least one.
 ///
@@ -72,7 +58,7 @@ fn play(
     policy: &mut dyn Policy,
     mut against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Vec<FrameRecord>, EvaluationError> {
+) -> Result<Vec<FrameRecord>, PipelineError> {
     let dt = path.fps().recip();
     let mut records = Vec::with_capacity(path.poses().len());
     for (frame, pose) in path.poses().iter().enumerate() {
@@ -98,7 +84,7 @@ fn play(
             predicted: choice.predicted,
         });
         if on_frame().is_break() {
-            return Err(EvaluationError::Interrupted);
+            return Err(PipelineError::Interrupted);
         }
     }
     Ok(records)

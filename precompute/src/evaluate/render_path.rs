@@ -7,10 +7,10 @@ use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
 use frugal_search::journal::{Journal, JournalError, cost_record};
-use frugal_search::pipeline::Progress;
+use frugal_search::pipeline::{PipelineError, Progress};
 use frugal_trace::metrics::Reference;
 
-use super::{Against, EvaluationError, play};
+use super::{Against, play};
 use crate::stage::{FrameRenderer, side_by_side};
 
 /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
@@ -27,7 +27,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     settings: &[KnobLevels],
     journal: &mut Journal,
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<(), EvaluationError> {
+) -> Result<(), PipelineError> {
     let PathRecord { path, space, table } = record;
     let best = space.canonical(space.highest());
     let mut missing = space.canonical_once(iter::once(best).chain(settings.iter().copied()));
@@ -68,7 +68,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
         },
         |(settings, played)| {
             let now = match played {
-                None if told(settings).is_break() => Err(EvaluationError::Interrupted),
+                None if told(settings).is_break() => Err(PipelineError::Interrupted),
                 None => Ok(()),
                 Some(series) => series.and_then(|series| Ok(keep(settings, series)?)),
             };
@@ -89,7 +89,7 @@ fn constant(
     settings: KnobLevels,
     against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Vec<FrameRecord>, EvaluationError> {
+) -> Result<Vec<FrameRecord>, PipelineError> {
     let run = space.describe(settings);
     play(renderer, path, &run, &mut Fixed(settings), against, on_frame)
 }
@@ -118,7 +118,7 @@ mod tests {
                 frames += 1;
                 if frames == 25 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             });
-        assert!(matches!(stopped, Err(EvaluationError::Interrupted)));
+        assert!(matches!(stopped, Err(PipelineError::Interrupted)));
         drop(journal);
         let (mut journal, lines) =
             Journal::open(&file, &JournalHeader::default(), Existing::Resume).expect("resumes");
@@ -146,7 +146,7 @@ mod tests {
         let failed = extend(&mut record, &mut [slow, broken], &all, &mut journal, &mut |_| {
             ControlFlow::Continue(())
         });
-        assert!(matches!(failed, Err(EvaluationError::Renderer(_))));
+        assert!(matches!(failed, Err(PipelineError::Measure(_))));
         let kept = record.table.settings().len();
         assert!((2..all.len()).contains(&kept), "{kept} of {}", all.len());
         assert!((0..kept).all(|column| record.table.is_complete(column)));

@@ -46,9 +46,9 @@ pub struct Progress<'a> {
 }
 
 /// Inputs of a pipeline run.
-pub struct Setup<'a, M> {
+pub struct Setup<'a> {
     /// The renderer.
-    pub measure: &'a mut M,
+    pub measure: &'a mut dyn Measure,
     /// The journal, and its earlier records.
     pub journal: (Journal, Vec<String>),
     /// The cameras.
@@ -64,18 +64,18 @@ pub struct Setup<'a, M> {
 }
 
 /// All known renderings, and the means to make more.
-pub(super) struct Renderings<'a, M> {
+pub(super) struct Renderings<'a> {
     /// Its inputs; the journal with the records of earlier runs, and what [`once`](Self::once) added.
-    pub setup: Setup<'a, M>,
+    pub setup: Setup<'a>,
     /// Costs by [`question`].
     pub known: HashMap<String, CostPoint>,
     /// The time limit's clock.
     pub clock: Clock,
 }
 
-impl<'a, M: Measure> Renderings<'a, M> {
+impl<'a> Renderings<'a> {
     /// Starts the time limit's clock, or continues it where the journal has one.
-    pub(super) fn new(setup: Setup<'a, M>) -> Self {
+    pub(super) fn new(setup: Setup<'a>) -> Self {
         let records = &setup.journal.1;
         let costs = records.iter().filter_map(|record| read_cost(record));
         let known = costs.filter(|(question, _)| question.starts_with("render "));
@@ -91,11 +91,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
-    pub(super) fn batch(
-        &mut self,
-        stage: &str,
-        jobs: &[Job],
-    ) -> Result<(), PipelineError<M::Error>> {
+    pub(super) fn batch(&mut self, stage: &str, jobs: &[Job]) -> Result<(), PipelineError> {
         let (batches, cameras, is_missing) = self.unknown(jobs);
         let total: usize = jobs.iter().map(|job| job.settings.len()).sum();
         let unknown: usize = batches.iter().map(|batch| batch.settings.len()).sum();

@@ -1,6 +1,5 @@
 //! The pipeline on a synthetic renderer: kills, shards, time limits, and quality of the map.
 
-use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -10,7 +9,7 @@ use glam::{Quat, Vec3};
 
 use super::*;
 use crate::journal::{Existing, Journal, JournalHeader};
-use crate::table::{Batch, Measured};
+use crate::table::{Batch, Measure, Measured};
 use crate::testing::{
     BOUNDS, Formula, Run, cost, layout, one_by_one, run_once, run_with, space, whole,
 };
@@ -19,13 +18,11 @@ use crate::testing::{
 struct SideBySide(Formula);
 
 impl Measure for SideBySide {
-    type Error = Infallible;
-
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), Infallible> {
+    ) -> Result<(), String> {
         let mut after_the_end = 2;
         for (batch, Batch { clip, settings }) in batches.iter().enumerate().rev() {
             for settings in settings.iter().rev().copied() {
@@ -233,13 +230,11 @@ fn a_resumed_run_has_the_time_that_is_left() {
     /// Takes a millisecond for each rendering.
     struct Slow(Formula);
     impl Measure for Slow {
-        type Error = Infallible;
-
         fn measure_all(
             &mut self,
             batches: &[Batch],
             done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-        ) -> Result<(), Infallible> {
+        ) -> Result<(), String> {
             one_by_one(batches, done, |clip, settings| {
                 std::thread::sleep(Duration::from_millis(1));
                 self.0.measure(clip, settings)
@@ -303,13 +298,11 @@ fn a_knob_that_acts_elsewhere_than_at_the_only_pilot_is_searched() {
     /// The idle knob acts in the half of the scene where the first pilot is not.
     struct Elsewhere(Formula, Option<bool>);
     impl Measure for Elsewhere {
-        type Error = Infallible;
-
         fn measure_all(
             &mut self,
             batches: &[Batch],
             done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-        ) -> Result<(), Infallible> {
+        ) -> Result<(), String> {
             let Self(formula, first) = self;
             one_by_one(batches, done, |clip, settings| {
                 let is_left = clip.last().is_some_and(|pose| pose.position.x < 4.0);

@@ -115,19 +115,16 @@ impl CostTable {
 
 /// Measures costs of settings at cameras: by renderers, or by a formula in tests.
 pub trait Measure {
-    /// Why a measurement failed.
-    type Error;
-
     /// Measures all of `batches`, in order or side by side, and hands over each cost as it is known,
     /// until `done` breaks. A cost is power and error in the last frame of the batch's clip.
     ///
     /// # Errors
-    /// When a rendering or its metering fails. What was handed over before counts.
+    /// Why a rendering or its metering failed, in a sentence. What was handed over before counts.
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), Self::Error>;
+    ) -> Result<(), String>;
 }
 
 /// Settings to measure at one camera.

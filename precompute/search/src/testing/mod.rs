@@ -2,7 +2,6 @@
 
 pub mod formula;
 
-use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -156,13 +155,11 @@ impl Formula {
 }
 
 impl Measure for Formula {
-    type Error = Infallible;
-
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), Infallible> {
+    ) -> Result<(), String> {
         one_by_one(batches, done, |clip, settings| self.measure(clip, settings))
     }
 }
@@ -172,7 +169,7 @@ pub(crate) fn one_by_one(
     batches: &[Batch],
     done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
     mut measure: impl FnMut(&[CameraPose], KnobLevels) -> CostPoint,
-) -> Result<(), Infallible> {
+) -> Result<(), String> {
     for (batch, Batch { clip, settings }) in batches.iter().enumerate() {
         for settings in settings.iter().copied() {
             let cost = measure(clip, settings);
@@ -209,15 +206,15 @@ pub(crate) struct Run<'a> {
     pub(crate) limit: Option<Duration>,
 }
 
-pub(crate) fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usize) {
+pub(crate) fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError>, usize) {
     let mut formula = Formula { space: space(), renderings: 0 };
     (run_with(&mut formula, setup), formula.renderings)
 }
 
-pub(crate) fn run_with<M: Measure<Error = Infallible>>(
-    measure: &mut M,
+pub(crate) fn run_with(
+    measure: &mut dyn Measure,
     setup: &Run<'_>,
-) -> Result<Outcome, PipelineError<Infallible>> {
+) -> Result<Outcome, PipelineError> {
     let (space, cameras) = (space(), cameras());
     let header = JournalHeader::default().with("seed", 0);
     let (journal, mut records) =

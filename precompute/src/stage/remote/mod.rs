@@ -119,13 +119,11 @@ impl RemoteStage {
 }
 
 impl Measure for RemoteStage {
-    type Error = RemoteError;
-
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), RemoteError> {
+    ) -> Result<(), String> {
         let batches = split(batches, self.processes.len());
         let mut result = Ok(());
         side_by_side(
@@ -143,7 +141,7 @@ impl Measure for RemoteStage {
             |measured| match measured {
                 Ok(measured) => done(measured),
                 Err(error) => {
-                    result = Err(error);
+                    result = Err(error.to_string());
                     ControlFlow::Break(())
                 }
             },
