@@ -11,7 +11,7 @@ use frugal_trace::scene::CameraPose;
 
 use super::PipelineError;
 use super::clock::Clock;
-use crate::cameras::{CameraSet, MovingCamera};
+use crate::cameras::CameraSet;
 use crate::journal::{Journal, JournalError, cost_record, read_cost};
 use crate::table::{Batch, Measure, Measured};
 
@@ -128,10 +128,9 @@ impl<'a> Renderings<'a> {
         let (shard, shards) = self.setup.shard;
         let mut asked = HashSet::new();
         for (number, Job { camera, settings }) in jobs.iter().enumerate() {
-            let clip = self.clip(*camera);
             let is_unknown = |settings: &&KnobLevels| {
                 let question = question(*camera, **settings);
-                !clip.is_empty() && !self.known.contains_key(&question) && asked.insert(question)
+                !self.known.contains_key(&question) && asked.insert(question)
             };
             let mut settings: Vec<KnobLevels> =
                 settings.iter().filter(is_unknown).copied().collect();
@@ -144,23 +143,20 @@ impl<'a> Renderings<'a> {
             if number % 2 == 1 {
                 settings.reverse();
             }
-            batches.push(Batch { clip, settings });
+            batches.push(Batch { clip: self.clip(*camera), settings });
             cameras.push(*camera);
         }
         (batches, cameras, is_missing)
     }
 
-    /// The poses to render; none for numbers out of range.
-    pub(super) fn clip(&self, (purpose, number): (Purpose, usize)) -> Vec<CameraPose> {
+    /// The poses to render.
+    fn clip(&self, (purpose, number): (Purpose, usize)) -> Vec<CameraPose> {
         let Setup { cameras, clip: (frames, frames_per_second), .. } = self.setup;
-        let of_camera = |cameras: &[MovingCamera]| {
-            let camera = cameras.get(number);
-            camera.map(|camera| camera.clip(frames, frames_per_second)).unwrap_or_default()
+        let cameras = match purpose {
+            Purpose::Training => &cameras.training,
+            Purpose::Calibration => &cameras.calibration,
         };
-        match purpose {
-            Purpose::Training => of_camera(&cameras.training),
-            Purpose::Calibration => of_camera(&cameras.calibration),
-        }
+        cameras[number].clip(frames, frames_per_second)
     }
 
     /// Cost of settings at a camera; `None` where not rendered.

@@ -81,7 +81,7 @@ pub fn beams(
     if !(radius.is_finite() && radius > 0.0) {
         return Err(TimeError::NotPositive);
     }
-    if scene.fog().is_none() {
+    if scene.fog.is_none() {
         return Err(TimeError::NoFog);
     }
     let film = || Passes { film: Film::new(window, spread), first: spread, pass: 0 };
