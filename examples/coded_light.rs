@@ -20,7 +20,7 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, T
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 use bevy_frugal_gi::prelude::*;
 use frugal_examples::{ExamplePlugin, caption, spawn_blocks};
-use frugal_trace::coded::{self, CODES, CodedError, Detector, Scramble, Shutter, Waveform};
+use frugal_trace::coded::{self, CODES, CodedError, Detector, Sequence, Shutter, Waveform};
 use frugal_trace::metrics::{Radiance, tone};
 use half::f16;
 
@@ -271,7 +271,7 @@ fn take(studio: &Studio, start: f64) -> Result<(Radiance, Radiance), CodedError>
             shutter.profile(&coded::barcode(&CODE, dwell, 0.5, 1.0)?, start)
         }
         Pattern::Scrambled => {
-            shutter.profile(&Scramble::new(2, 200.0, 50.0)?.sequence(0.5, 1.0)?, start)
+            shutter.profile(&Sequence::scrambled(2, 200.0, 50.0, 0.5, 1.0)?, start)
         }
         Pattern::OneFrequency => shutter.profile(&wave(400.0)?, start),
         Pattern::Authorised => {

@@ -22,7 +22,8 @@ const UNITS_PER_JOULE: f64 = (1_u64 << 30) as f64;
 /// Power of frames by the work that they do: a function of their settings alone.
 #[derive(Debug)]
 pub(crate) struct WorkMeter {
-    info: MeterInfo,
+    /// Name and provenance.
+    pub(crate) info: MeterInfo,
     device: DeviceModel,
     layout: FrameLayout,
 }
@@ -78,11 +79,6 @@ impl WorkMeter {
         };
         let info = MeterInfo { name, provenance: Provenance::Modelled, description };
         Ok(Self { info, device, layout })
-    }
-
-    /// Name and provenance.
-    pub(crate) fn info(&self) -> MeterInfo {
-        self.info.clone()
     }
 
     /// Power of the device at rest.
@@ -143,8 +139,8 @@ mod tests {
         assert_eq!(of_map("work=a.prices.ron", &map), "work=a.prices.ron", "to be missed by name");
         std::fs::write(&file, LAVAPIPE).expect("writes");
         let meter = WorkMeter::open(file.to_str(), LAYOUT).expect("prices");
-        assert_eq!(meter.info().name, "work=a.prices.ron");
-        assert_eq!(of_map(&meter.info().name, &map), format!("work={}", file.display()));
+        assert_eq!(meter.info.name, "work=a.prices.ron");
+        assert_eq!(of_map(&meter.info.name, &map), format!("work={}", file.display()));
         for other in ["work", "cpu-time", "nvml=1"] {
             assert_eq!(of_map(other, &map), other);
         }

@@ -11,7 +11,6 @@ use frugal_core::units::Watts;
 use frugal_search::cameras::CameraSet;
 use frugal_search::cost::{CostModel, CostReading, DeviceModel, Work, reading_plan, work_prices};
 use frugal_search::pipeline::CLIP_FRAMES;
-use frugal_search::table::Measure as _;
 
 use super::CliError;
 use super::arguments::{CaptureArguments, SceneArguments, check_outputs, duration, write};
@@ -72,7 +71,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let started = Instant::now();
     let mut readings = Vec::new();
     for (camera, settings) in reading_plan(&space, cameras.len(), arguments.seed) {
-        let cost = stage.measure(&cameras[camera].clip(CLIP_FRAMES, fps), settings)?;
+        let cost = stage.processes[0].measure(&cameras[camera].clip(CLIP_FRAMES, fps), settings)?;
         readings.push(CostReading {
             camera,
             work: Work::of(&space, settings, &layout),

@@ -10,6 +10,7 @@ use frugal_search::evaluate::{
     parse_error_budget, settings_to_record,
 };
 use frugal_search::journal::{Existing, hash};
+use frugal_search::pipeline::{PipelineError, Progress as Played};
 
 use super::CliError;
 use super::arguments::{
@@ -19,7 +20,7 @@ use super::arguments::{
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
-use crate::evaluate::{self, EvaluationError, frames_csv, pictures, play_for_real, table};
+use crate::evaluate::{self, frames_csv, play_for_real, table};
 use crate::report::evaluation_report;
 use crate::stage::RemoteStage;
 use bevy_frugal_gi::stage::default_settings;
@@ -67,7 +68,7 @@ pub(super) struct Arguments {
     /// Every frame of every run
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Folder for a page with images and plots
+    /// Folder for a page with plots
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
 }
@@ -174,7 +175,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     for result in &results {
         println!("{}", table(result));
     }
-    outputs(&mut stage, arguments, &trial, &results)
+    outputs(arguments, &map, &results)
 }
 
 /// Plays frugal runs for real.
@@ -204,21 +205,19 @@ fn check(
 }
 
 /// What to do after each frame of a play.
-type OnFrame<'a> = &'a mut dyn FnMut(&evaluate::Progress<'_>) -> ControlFlow<()>;
+type OnFrame<'a> = &'a mut dyn FnMut(&Played<'_>) -> ControlFlow<()>;
 
 /// Plays frames, and shows their progress.
 fn with_progress<T>(play: impl FnOnce(OnFrame<'_>) -> T) -> T {
     let shown = Progress::new(0, "frames");
     play(&mut |progress| {
-        let what = format!("frames, {}", progress.run);
-        shown.at(progress.frames_done, progress.frames_total, what)
+        shown.at(progress.done, progress.total, format!("frames, {}", progress.stage))
     })
 }
 
 fn outputs(
-    stage: &mut RemoteStage,
     arguments: &Arguments,
-    trial: &Trial<'_>,
+    map: &FrontierMap,
     results: &[EvaluationResult],
 ) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
@@ -229,16 +228,11 @@ fn outputs(
     }
     if let (Some(path), [result]) = (&arguments.csv, results) {
         let mut rows = Vec::new();
-        frames_csv(result, &trial.map.knobs, &mut rows).map_err(CliError::failed)?;
+        frames_csv(result, &map.knobs, &mut rows).map_err(CliError::failed)?;
         write(path, &rows)?;
     }
     if let (Some(folder), [result]) = (&arguments.report, results) {
-        let (path, frames) = (&trial.record.path, result.frames);
-        let numbers = [frames / 4, frames / 2, 3 * frames / 4];
-        let renderer = &mut stage.processes[0];
-        let kept = with_progress(|on_frame| pictures(renderer, path, result, &numbers, on_frame))
-            .map_err(CliError::failed)?;
-        write_report(folder, &evaluation_report(result, &kept).map_err(CliError::failed)?)?;
+        write_report(folder, &evaluation_report(result).map_err(CliError::failed)?)?;
     }
     Ok(())
 }
@@ -268,12 +262,10 @@ fn record(
         evaluate::extend(&mut record, &mut stage.processes, &settings, &mut journal, on_frame)
     });
     recorded.map_err(|error| match error {
-        EvaluationError::Journal(error) => of.failed(&error),
-        EvaluationError::Interrupted if kept.is_none() => CliError::failed(
+        PipelineError::Interrupted if kept.is_none() => CliError::failed(
             "interrupted: nothing was written; --record FILE keeps what is rendered",
         ),
-        EvaluationError::Interrupted => of.interrupted(),
-        error => CliError::failed(error),
+        error => of.ended(error),
     })?;
     eprintln!(
         "recorded {} settings at {} frames",

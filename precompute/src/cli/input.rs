@@ -69,8 +69,7 @@ pub(super) fn plan_path(scene: &StagedScene, name: &str, fps: f64) -> Result<Pat
     let tracks = recorded_tracks(file, fps).map_err(CliError::usage)?;
     let track = tracks.into_iter().max_by_key(Vec::len).unwrap_or_default();
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let poses = track.iter().map(|sample| sample.pose).collect();
-    PathPlan::of_poses(&stem, fps, poses).map_err(CliError::usage)
+    PathPlan::new(&stem, fps, track.iter().map(|sample| sample.pose)).map_err(CliError::usage)
 }
 
 /// Options of a stage of `scene` under the conditions of the arguments, by default with the knobs that

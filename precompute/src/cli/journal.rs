@@ -6,6 +6,7 @@ use frugal_core::frontier::{Capture, SceneIdentity};
 use frugal_core::knobs::KnobSpace;
 use frugal_core::power::MeterInfo;
 use frugal_search::journal::{Existing, Journal, JournalError, JournalHeader, hash, records_of};
+use frugal_search::pipeline::PipelineError;
 
 use super::CliError;
 use crate::device;
@@ -45,8 +46,18 @@ pub(super) enum JournalUse {
 
 impl JournalUse {
     /// The user stopped the run.
-    pub(super) fn interrupted(self) -> CliError {
+    fn interrupted(self) -> CliError {
         CliError::failed(format!("interrupted: {}", self.going_on()))
+    }
+
+    /// Why a run ended before its end.
+    pub(super) fn ended(self, error: PipelineError) -> CliError {
+        match error {
+            PipelineError::Interrupted => self.interrupted(),
+            PipelineError::Journal(error) => self.failed(&error),
+            PipelineError::NeedsOthers => self.needs_others(),
+            error => CliError::failed(error),
+        }
     }
 
     /// A fault of a journal that was to be opened: nothing was touched.
@@ -55,12 +66,12 @@ impl JournalUse {
     }
 
     /// A journal that can no longer be written.
-    pub(super) fn failed(self, error: &JournalError) -> CliError {
+    fn failed(self, error: &JournalError) -> CliError {
         CliError::failed(format!("{error}; then {}", self.going_on()))
     }
 
     /// This shard has rendered its share.
-    pub(super) fn needs_others(self) -> CliError {
+    fn needs_others(self) -> CliError {
         let again = self.going_on();
         CliError::failed(format!(
             "this shard's share is rendered: once the other shards' journals, or what `frugal merge` made of them, are beside the map, {again}"

@@ -110,20 +110,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         started.elapsed().as_secs_f64(),
         rendering.dropped
     );
-    // Both are encoded before either is written.
-    let picture = png.map(|path| {
-        tone::display(&radiance, description.exposure_ev100).to_png().map(|bytes| (path, bytes))
-    });
-    let hdr = arguments
-        .picture
-        .hdr
-        .as_ref()
-        .map(|path| radiance.to_exr().map(|bytes| (path.clone(), bytes)));
-    let files = [
-        picture.transpose().map_err(CliError::failed)?,
-        hdr.transpose().map_err(CliError::failed)?,
-    ];
-    files.iter().flatten().try_for_each(|(path, bytes)| write(path, bytes))
+    if let Some(path) = png {
+        let picture = tone::display(&radiance, description.exposure_ev100);
+        write(&path, &picture.to_png().map_err(CliError::failed)?)?;
+    }
+    if let Some(path) = &arguments.picture.hdr {
+        write(path, &radiance.to_exr().map_err(CliError::failed)?)?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

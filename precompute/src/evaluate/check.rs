@@ -1,17 +1,14 @@
-//! Real plays beside those from a record: a check of the simulation, the machine's drift, and
-//! images.
+//! Real plays beside those from a record: a check of the simulation, and the machine's drift.
 
 use std::ops::ControlFlow;
 
 use frugal_core::knobs::KnobLevels;
-use frugal_search::evaluate::{Drift, EvaluationResult, Fixed, FrameRecord, PathPlan, Policy};
-use frugal_trace::metrics::{Picture, Reference};
+use frugal_search::evaluate::{Drift, Fixed, FrameRecord, PathPlan, Policy};
+use frugal_search::pipeline::{PipelineError, Progress};
+use frugal_trace::metrics::Reference;
 
-use super::{Against, EvaluationError, Progress, play};
+use super::{Against, play};
 use crate::stage::FrameRenderer;
-
-/// Frames of history of an image.
-const HISTORY: usize = 8;
 
 /// Renders a run of each of `policies`, between two runs of the `best` settings, whose images are
 /// the references. Returns their frames, and the drift from the first run to the last.
@@ -24,13 +21,13 @@ pub(crate) fn play_for_real(
     best: KnobLevels,
     policies: &mut [Box<dyn Policy + '_>],
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<(Vec<Vec<FrameRecord>>, Drift), EvaluationError> {
-    let frames_total = (2 + policies.len()) * path.poses().len();
-    let mut frames_done = 0;
+) -> Result<(Vec<Vec<FrameRecord>>, Drift), PipelineError> {
+    let total = (2 + policies.len()) * path.poses().len();
+    let mut done = 0;
     let mut run = |name: &str, policy: &mut dyn Policy, against: Against<'_>| {
         play(renderer, path, name, policy, against, &mut || {
-            frames_done += 1;
-            on_frame(&Progress { run: name, frames_done, frames_total })
+            done += 1;
+            on_frame(&Progress { stage: name, done, total })
         })
     };
     let mut references: Vec<Reference> = Vec::new();
@@ -43,45 +40,9 @@ pub(crate) fn play_for_real(
     Ok((runs, Drift::between(&first, &last)))
 }
 
-/// Renders `frames` of every run, each with a short history; those beyond the path are left out. Images
-/// have captions with the run, the frame and its cost.
-///
-/// # Errors
-/// When the frame renderer fails or `on_frame` breaks.
-pub(crate) fn pictures(
-    renderer: &mut impl FrameRenderer,
-    path: &PathPlan,
-    result: &EvaluationResult,
-    frames: &[usize],
-    on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<Vec<(String, Picture)>, EvaluationError> {
-    let mut kept = Vec::new();
-    let frames_total = result.runs.len() * frames.len();
-    for run in &result.runs {
-        for frame in frames.iter().copied().filter(|frame| *frame < run.series.len()) {
-            let mut picture = None;
-            for shown in frame.saturating_sub(HISTORY)..=frame {
-                let (pose, settings) = (&path.poses()[shown], run.series[shown].settings);
-                if picture.is_none() {
-                    renderer.begin_run(&run.name, pose, settings)?;
-                }
-                picture = Some(renderer.render_frame(pose, settings)?.0);
-            }
-            let (name, FrameRecord { power, error, .. }) = (&run.name, &run.series[frame]);
-            let caption = format!("{name}, frame {frame}: {:.2} W, error {error:.4}", power.0);
-            kept.extend(picture.map(|picture| (caption, picture)));
-            let frames_done = kept.len();
-            if on_frame(&Progress { run: "images", frames_done, frames_total }).is_break() {
-                return Err(EvaluationError::Interrupted);
-            }
-        }
-    }
-    Ok(kept)
-}
-
 #[cfg(test)]
 mod tests {
-    use frugal_search::evaluate::{Baselines, BudgetRequest, PowerBudget};
+    use frugal_search::evaluate::{Baselines, BudgetRequest, EvaluationResult, PowerBudget};
     use frugal_search::testing::formula::{ALONG, map, path, recorded, space, trial};
 
     use super::*;
@@ -97,23 +58,24 @@ mod tests {
         let mut renderer = Fake { drift: 0.2, ..Fake::default() };
         let mut policies: Vec<Box<dyn Policy + '_>> =
             vec![Box::new(trial.controller(&result.budget))];
-        let mut seen = 0;
+        let (mut seen, mut stages) = (0, Vec::new());
         let (runs, drift) = play_for_real(
             &mut renderer,
             &path(),
             space().highest(),
             &mut policies,
             &mut |progress| {
-                seen = progress.frames_done;
-                assert!(progress.frames_done <= progress.frames_total);
+                seen = progress.done;
+                stages.push(progress.stage.to_owned());
+                stages.dedup();
+                assert!(progress.done <= progress.total);
                 ControlFlow::Continue(())
             },
         )
         .unwrap();
-        assert_eq!(
-            (renderer.runs.join(", ").as_str(), seen),
-            ("maximum, frugal, maximum again", 30)
-        );
+        let stages = stages.join(", ");
+        assert_eq!((stages.as_str(), renderer.runs), ("maximum, frugal, maximum again", 3));
+        assert_eq!(seen, 30);
         let simulated = record.simulate(&mut trial.controller(&result.budget));
         result.add_check(&runs[0], &simulated, drift);
         assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
@@ -149,7 +111,7 @@ mod tests {
         let play = |renderer: &mut Fake, most: usize| {
             let mut policies: Vec<Box<dyn Policy>> = vec![Box::new(Fixed(space().lowest()))];
             let on_frame = &mut |progress: &Progress<'_>| {
-                if progress.frames_done == most {
+                if progress.done == most {
                     ControlFlow::Break(())
                 } else {
                     ControlFlow::Continue(())
@@ -161,6 +123,6 @@ mod tests {
         };
         let broken = play(&mut Fake { broken_at: Some(13), ..Fake::default() }, 99);
         assert_eq!(broken.to_string(), "broken");
-        assert!(matches!(play(&mut Fake::default(), 25), EvaluationError::Interrupted));
+        assert!(matches!(play(&mut Fake::default(), 25), PipelineError::Interrupted));
     }
 }

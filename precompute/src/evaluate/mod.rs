@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `mod` | one run along a path: frame renderer, policy, per-frame records |
 //! | `render_path` | makes a record of a path, with several renderers side by side |
-//! | `check` | real plays beside the record: errors of simulation, drift, images |
+//! | `check` | real plays beside the record: errors of simulation, drift |
 //! | `table` | results as text, and per-frame CSV |
 
 mod check;
@@ -20,49 +20,26 @@ use std::ops::ControlFlow;
 
 use frugal_core::frontier::CostPoint;
 use frugal_search::evaluate::{FrameRecord, PathPlan, Policy, Pose};
-use frugal_search::journal::JournalError;
+use frugal_search::pipeline::PipelineError;
 use frugal_trace::metrics::Reference;
 
 use crate::scene::CameraPath;
 use crate::stage::{FrameRenderer, RemoteError};
-pub(crate) use check::{pictures, play_for_real};
+pub(crate) use check::play_for_real;
 pub(crate) use render_path::extend;
 pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};
 
-/// Why an evaluation failed.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum EvaluationError {
-    /// Rendering or metering failed, or an image cannot be compared.
-    #[error(transparent)]
-    Renderer(#[from] RemoteError),
-    /// The record could not be written.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-    /// Stopped from outside.
-    #[error("interrupted")]
-    Interrupted,
-}
-
-/// A scene's path called `name`, from its start, at `fps` frames per second.
+/// A scene's path called `name`, from its start, at `fps` frames per second: at least one.
 ///
 /// # Errors
-/// As [`PathPlan::sample`].
+/// As [`PathPlan::new`].
 pub(crate) fn plan_along(name: &str, path: &CameraPath, fps: f64) -> Result<PathPlan, String> {
-    PathPlan::sample(name, f64::from(path.duration()), fps, |seconds| {
-        path.sample(path.start() + seconds as f32)
+    let pose = |frame: usize| {
+        path.sample(path.start() + (frame as f64 / fps) as f32)
             .unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
-    })
-}
-
-/// Progress of an evaluation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Progress<'a> {
-    /// The run that is playing.
-    pub run: &'a str,
-    /// Frames of all runs played so far, this one included.
-    pub frames_done: usize,
-    /// Frames of all runs.
-    pub frames_total: usize,
+    };
+    let frames = (f64::from(path.duration()) * fps).round().max(1.0) as usize;
+    PathPlan::new(name, fps, (0..frames).map(pose))
 }
 
 /// Use of a run's images.
@@ -81,13 +58,13 @@ fn play(
     policy: &mut dyn Policy,
     mut against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Vec<FrameRecord>, EvaluationError> {
+) -> Result<Vec<FrameRecord>, PipelineError> {
     let dt = path.fps().recip();
     let mut records = Vec::with_capacity(path.poses().len());
     for (frame, pose) in path.poses().iter().enumerate() {
         let choice = policy.decide(frame, dt, pose);
         if frame == 0 {
-            renderer.begin_run(name, pose, choice.settings)?;
+            renderer.begin_run(pose, choice.settings)?;
         }
         let (picture, power) = renderer.render_frame(pose, choice.settings)?;
         let at_frame = |error| RemoteError::failed(format!("run `{name}`, frame {frame}: {error}"));
@@ -107,8 +84,38 @@ fn play(
             predicted: choice.predicted,
         });
         if on_frame().is_break() {
-            return Err(EvaluationError::Interrupted);
+            return Err(PipelineError::Interrupted);
         }
     }
     Ok(records)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::scene::CameraKey;
+
+    #[test]
+    fn a_path_has_as_many_frames_as_its_length_says() {
+        let planned = |duration: f32, fps: f64| {
+            let key = |time: f32| CameraKey {
+                time: 3.0 + time,
+                position: Vec3::X * time,
+                look_at: Vec3::X * time + Vec3::NEG_Z,
+            };
+            let path = CameraPath { keys: vec![key(0.0), key(duration)] };
+            plan_along("tour", &path, fps)
+        };
+        let frames = |duration, fps| planned(duration, fps).unwrap().poses().len();
+        assert_eq!(frames(6.0, 30.0), 180);
+        assert_eq!(frames(0.99, 2.0), 2);
+        assert_eq!(frames(0.0, 30.0), 1, "a still camera is a path too");
+        let path = planned(1.0, 4.0).unwrap();
+        for (frame, pose) in path.poses().iter().enumerate() {
+            assert!((pose.position.x - 0.25 * frame as f32).abs() < 1e-6, "{pose:?}");
+        }
+        assert!(planned(f32::MAX, 30.0).is_err());
+    }
 }

@@ -6,10 +6,11 @@ use std::ops::ControlFlow;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
-use frugal_search::journal::{Journal, JournalError};
+use frugal_search::journal::{Journal, JournalError, cost_record};
+use frugal_search::pipeline::{PipelineError, Progress};
 use frugal_trace::metrics::Reference;
 
-use super::{Against, EvaluationError, Progress, play};
+use super::{Against, play};
 use crate::stage::{FrameRenderer, side_by_side};
 
 /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
@@ -26,7 +27,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     settings: &[KnobLevels],
     journal: &mut Journal,
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-) -> Result<(), EvaluationError> {
+) -> Result<(), PipelineError> {
     let PathRecord { path, space, table } = record;
     let best = space.canonical(space.highest());
     let mut missing = space.canonical_once(iter::once(best).chain(settings.iter().copied()));
@@ -34,16 +35,17 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
     let Some(first) = renderers.first_mut().filter(|_| !missing.is_empty()) else {
         return Ok(());
     };
-    let frames_total = (1 + missing.len()) * path.poses().len();
-    let mut frames_done = 0;
+    let total = (1 + missing.len()) * path.poses().len();
+    let mut done = 0;
     let mut told = |settings: KnobLevels| {
-        frames_done += 1;
-        on_frame(&Progress { run: &space.describe(settings), frames_done, frames_total })
+        done += 1;
+        on_frame(&Progress { stage: &space.describe(settings), done, total })
     };
     let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
         for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
             let cost = CostPoint::new(power.0, error);
-            journal.append(&write_line(settings, frame, cost))?;
+            let question = format!("frame {:x} {frame:x}", settings.bits());
+            journal.append(&cost_record(&question, cost))?;
             table.set(frame, settings, cost);
         }
         Ok::<_, JournalError>(())
@@ -66,7 +68,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
         },
         |(settings, played)| {
             let now = match played {
-                None if told(settings).is_break() => Err(EvaluationError::Interrupted),
+                None if told(settings).is_break() => Err(PipelineError::Interrupted),
                 None => Ok(()),
                 Some(series) => series.and_then(|series| Ok(keep(settings, series)?)),
             };
@@ -87,19 +89,9 @@ fn constant(
     settings: KnobLevels,
     against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Vec<FrameRecord>, EvaluationError> {
+) -> Result<Vec<FrameRecord>, PipelineError> {
     let run = space.describe(settings);
     play(renderer, path, &run, &mut Fixed(settings), against, on_frame)
-}
-
-/// Exact bits, so that a resumed record is identical.
-fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
-    format!(
-        "frame {:x} {frame:x} {:016x} {:016x}",
-        settings.bits(),
-        cost.power.0.to_bits(),
-        cost.error.to_bits()
-    )
 }
 
 #[cfg(test)]
@@ -126,7 +118,7 @@ mod tests {
                 frames += 1;
                 if frames == 25 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             });
-        assert!(matches!(stopped, Err(EvaluationError::Interrupted)));
+        assert!(matches!(stopped, Err(PipelineError::Interrupted)));
         drop(journal);
         let (mut journal, lines) =
             Journal::open(&file, &JournalHeader::default(), Existing::Resume).expect("resumes");
@@ -154,7 +146,7 @@ mod tests {
         let failed = extend(&mut record, &mut [slow, broken], &all, &mut journal, &mut |_| {
             ControlFlow::Continue(())
         });
-        assert!(matches!(failed, Err(EvaluationError::Renderer(_))));
+        assert!(matches!(failed, Err(PipelineError::Measure(_))));
         let kept = record.table.settings().len();
         assert!((2..all.len()).contains(&kept), "{kept} of {}", all.len());
         assert!((0..kept).all(|column| record.table.is_complete(column)));

@@ -79,8 +79,7 @@ impl MapComparison {
 /// `any_device`: watts of two devices or models are compared all the same.
 ///
 /// # Errors
-/// When a map is inconsistent, the maps' watts or errors are not comparable, or they have no common
-/// error.
+/// When the maps' watts or errors are not comparable, or they have no common error.
 pub(crate) fn compare(
     old: &FrontierMap,
     new: &FrontierMap,

@@ -1,21 +1,16 @@
 //! The report of `frugal evaluate`.
 
-use frugal_trace::metrics::Picture;
-
 use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
 use crate::evaluate::{TABLE_HEADERS, headline, notes, table_row};
 
 use super::{Axis, Color, Curve, Mark, Plot, Report, provenance};
 
-/// A page on `result`, with `pictures` of frames and their captions.
+/// A page on `result`.
 ///
 /// # Errors
-/// When a plot or an image fails.
-pub(crate) fn evaluation_report(
-    result: &EvaluationResult,
-    pictures: &[(String, Picture)],
-) -> Result<String, String> {
+/// When a plot fails.
+pub(crate) fn evaluation_report(result: &EvaluationResult) -> Result<String, String> {
     let mut report =
         Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
     report.section(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
@@ -33,10 +28,6 @@ pub(crate) fn evaluation_report(
     report.table("Every run played the same frames.", &headers, &rows);
     for note in notes(result) {
         report.paragraph(&note);
-    }
-    if !pictures.is_empty() {
-        report.heading("The same frames under each");
-        report.pictures(pictures)?;
     }
     Ok(report.render())
 }
@@ -110,25 +101,15 @@ fn table(result: &EvaluationResult) -> (Vec<&'static str>, Vec<Vec<String>>) {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
-    use frugal_search::testing::formula::{judged, path};
+    use frugal_search::testing::formula::judged;
 
     use super::*;
-    use crate::evaluate::fake::Fake;
-    use crate::evaluate::pictures;
 
     #[test]
     fn a_report_contains_request_results_and_conditions() {
         let mut result = judged(Some("60%"), Some(0.05));
         result.scene = "<court>".to_owned();
-        let kept = pictures(&mut Fake::default(), &path(), &result, &[4], &mut |_| {
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-        let minimum = kept.iter().find(|(caption, _)| caption.starts_with("minimum"));
-        assert_eq!(minimum.unwrap().0, "minimum, frame 4: 1.01 W, error 0.1176");
-        let html = evaluation_report(&result, &kept).unwrap();
+        let html = evaluation_report(&result).unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
             "was not measured. It was computed by the model formula",
@@ -139,10 +120,10 @@ mod tests {
         ] {
             assert!(html.contains(text), "{text}");
         }
-        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (3, 7));
+        assert_eq!(html.matches("<svg ").count(), 3);
         // Read back from JSON, an evaluation has no frames, and still a report.
         let json = serde_json::to_string(&result).unwrap();
-        let bare = evaluation_report(&serde_json::from_str(&json).unwrap(), &[]).unwrap();
-        assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (1, 0));
+        let bare = evaluation_report(&serde_json::from_str(&json).unwrap()).unwrap();
+        assert_eq!(bare.matches("<svg ").count(), 1);
     }
 }

@@ -1,7 +1,6 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
 use frugal_core::frontier::{Corner, Frontier, FrontierMap};
-use glam::Vec3;
 
 use crate::inspect::{Gain, gain};
 
@@ -48,7 +47,8 @@ pub(crate) fn map_section(report: &mut Report, map: &FrontierMap) -> Result<(), 
 
 /// What a map holds, by name.
 pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
-    let ([low, high], octree, meter) = (corners(map), &map.octree, &map.meter);
+    let (octree, meter) = (&map.octree, &map.meter);
+    let ([west, down, north], [east, up, south]) = (map.bounds.min, map.bounds.max);
     let [width, height] = map.capture.size;
     let points: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
     let indices = octree.corners.iter().flat_map(|corner| corner.frontiers);
@@ -74,13 +74,7 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
             "capture",
             format!("{width} × {height} at {} frames per second", map.capture.frames_per_second),
         ),
-        (
-            "cameras",
-            format!(
-                "between ({}, {}, {}) and ({}, {}, {}) m",
-                low.x, low.y, low.z, high.x, high.y, high.z
-            ),
-        ),
+        ("cameras", format!("between ({west}, {down}, {north}) and ({east}, {up}, {south}) m")),
         ("meter", format!("{}, {}: {}", meter.provenance, meter.name, meter.description)),
         ("knobs", format!("{}, {} combinations", map.knobs.len(), map.knobs.combinations())),
         (
@@ -112,11 +106,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
             ),
         ),
     ]
-}
-
-/// Lowest and highest corner of the space of cameras, metres.
-fn corners(map: &FrontierMap) -> [Vec3; 2] {
-    [map.bounds.min, map.bounds.max].map(Vec3::from_array)
 }
 
 /// Rounded to four decimals for display.

@@ -1,12 +1,11 @@
-//! Reports: one self-contained HTML file each, with embedded plots and images, for light and dark
-//! mode and for phones.
+//! Reports: one self-contained HTML file each, with embedded plots, for light and dark mode and for
+//! phones.
 //!
 //! A [`Report`] is a title and sections.
 //!
 //! | part | job |
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
-//! | `plan` | a scene from above, as SVG |
 //! | `plot` | SVG plots: curves and names over linear or logarithmic axes |
 //! | `evaluation` | `frugal evaluate` |
 //! | `map` | `frugal inspect` |
@@ -16,7 +15,6 @@ mod control_log;
 mod evaluation;
 mod map;
 mod page;
-mod plan;
 mod plot;
 mod search;
 
@@ -43,17 +41,11 @@ fn percent(share: f64) -> String {
 
 /// Describes the power meter in a sentence.
 fn provenance(meter: &MeterInfo) -> String {
-    match meter.provenance {
-        Provenance::Measured => {
-            format!("Power was measured, by the meter {}: {}.", meter.name, meter.description)
-        }
-        Provenance::Modelled => {
-            format!(
-                "Power was not measured. It was computed by the model {}: {}.",
-                meter.name, meter.description
-            )
-        }
-    }
+    let how = match meter.provenance {
+        Provenance::Measured => "measured, by the meter",
+        Provenance::Modelled => "not measured. It was computed by the model",
+    };
+    format!("Power was {how} {}: {}.", meter.name, meter.description)
 }
 
 /// Adds a table of cost points: only knobs that differ get a column.

@@ -2,11 +2,6 @@
 
 use std::fmt::Write as _;
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
-
-use frugal_trace::metrics::Picture;
-
 use super::{Color, Fact, escape};
 
 /// Light and dark mode by the reader's preference; one column on a phone; wide elements scroll.
@@ -61,11 +56,6 @@ impl Report {
         )
     }
 
-    /// A subheading.
-    pub(crate) fn heading(&mut self, text: &str) {
-        let _ = writeln!(self.body, "<h3>{}</h3>", escape(text));
-    }
-
     /// A paragraph.
     pub(crate) fn paragraph(&mut self, text: &str) {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
@@ -88,12 +78,7 @@ impl Report {
     }
 
     /// A table. Cells that are numbers are aligned to the right; the first column names the row.
-    pub(crate) fn table<S: AsRef<str>>(
-        &mut self,
-        caption: &str,
-        headers: &[S],
-        rows: &[Vec<String>],
-    ) {
+    pub(crate) fn table(&mut self, caption: &str, headers: &[&str], rows: &[Vec<String>]) {
         let numeric = |text: &str| text.parse::<f64>().is_ok();
         let is_number = |column: usize| {
             !rows.is_empty()
@@ -107,7 +92,7 @@ impl Report {
             escape(caption)
         );
         for (header, class) in headers.iter().zip(&classes) {
-            let _ = write!(self.body, "<th scope=\"col\"{class}>{}</th>", escape(header.as_ref()));
+            let _ = write!(self.body, "<th scope=\"col\"{class}>{}</th>", escape(header));
         }
         self.body.push_str("</tr></thead>\n<tbody>\n");
         for row in rows {
@@ -147,26 +132,6 @@ impl Report {
         }
         self.body.push_str("</ul>\n");
     }
-
-    /// Images with captions, inside the page as PNG.
-    ///
-    /// # Errors
-    /// When one cannot be encoded.
-    pub(crate) fn pictures(&mut self, pictures: &[(String, Picture)]) -> Result<(), String> {
-        self.body.push_str("<div class=\"pictures\">\n");
-        for (caption, picture) in pictures {
-            let png = picture.to_png().map_err(|error| error.to_string())?;
-            let (caption, data) = (escape(caption), STANDARD.encode(png));
-            let (width, height) = (picture.width, picture.height);
-            let _ = writeln!(
-                self.body,
-                "<figure><img alt=\"{caption}\" width=\"{width}\" height=\"{height}\" src=\"data:image/png;base64,{data}\">\
-                 <figcaption>{caption}</figcaption></figure>"
-            );
-        }
-        self.body.push_str("</div>\n");
-        Ok(())
-    }
 }
 
 #[cfg(test)]
@@ -180,26 +145,23 @@ mod tests {
         let mut report = Report::new(NASTY);
         report.facts(&[(NASTY, NASTY.into())]);
         report.section(NASTY);
-        report.heading(NASTY);
         report.paragraph(NASTY);
         report.warning(NASTY);
         report.facts(&[(NASTY, NASTY.into())]);
         report.table(NASTY, &[NASTY], &[vec![NASTY.into()]]);
         report.legend([(NASTY, Color::BLUE)]);
-        report.pictures(&[(NASTY.into(), Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let html = report.render();
         assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
         assert_eq!(
             html.matches("&lt;script&gt;alert(&quot;1&quot; &amp; &#39;2&#39;)").count(),
-            16
+            13
         );
     }
 
     #[test]
     fn the_page_is_self_contained() {
         let mut report = Report::new("Report");
-        report.section("Images");
-        report.pictures(&[("grey".into(), Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
+        report.section("First");
         report.section("Second");
         let html = report.render();
         assert!(
@@ -215,8 +177,6 @@ mod tests {
         );
         assert!(html.contains("<a href=\"#s2\">Second</a>"), "several sections get a list");
         assert_eq!((html.matches("<section").count(), html.matches("</section>").count()), (2, 2));
-        let data = html.split("base64,").nth(1).unwrap().split('"').next().unwrap();
-        assert_eq!(Picture::from_png(&STANDARD.decode(data).unwrap()).unwrap().width, 3);
     }
 
     #[test]
@@ -232,10 +192,5 @@ mod tests {
                 "<th scope=\"col\">run</th><th scope=\"col\" class=\"number\">watts</th>"
             )
         );
-    }
-
-    #[test]
-    fn an_empty_image_is_an_error() {
-        assert!(Report::new("").pictures(&[(String::new(), Picture::default())]).is_err());
     }
 }

@@ -37,14 +37,8 @@ impl Color {
     /// Background data.
     pub(crate) const GREY: Self = Self(0x80, 0x88, 0x90);
     /// Distinguishable, also with most red-green colour vision deficiencies.
-    pub(crate) const SERIES: [Self; 6] = [
-        Self::BLUE,
-        Self(0xd9, 0x73, 0x0d),
-        Self(0x2a, 0x9d, 0x8a),
-        Self(0xb0, 0x5f, 0xc8),
-        Self(0x93, 0x7a, 0x2c),
-        Self(0xd4, 0x4c, 0x8a),
-    ];
+    pub(crate) const SERIES: [Self; 4] =
+        [Self::BLUE, Self(0xd9, 0x73, 0x0d), Self(0x2a, 0x9d, 0x8a), Self(0xb0, 0x5f, 0xc8)];
 
     /// As CSS writes it.
     pub(crate) fn css(self) -> String {
@@ -63,19 +57,30 @@ pub(crate) struct Axis<'a> {
     pub name: &'a str,
     /// Whether it is logarithmic. Values of 0 and less are drawn at its lower end.
     pub is_log: bool,
+    /// Whether it begins at 0, if it is not logarithmic.
+    pub from_zero: bool,
 }
 
 impl<'a> Axis<'a> {
     /// Error of images.
-    pub(crate) const ERROR: Axis<'static> = Axis { name: "error, 1 − SSIM", is_log: true };
+    pub(crate) const ERROR: Axis<'static> = Axis::logarithmic("error, 1 − SSIM");
     /// Power of settings, which often differ by orders of magnitude.
-    pub(crate) const POWER: Axis<'static> = Axis { name: "power, W", is_log: true };
+    pub(crate) const POWER: Axis<'static> = Axis::logarithmic("power, W");
     /// Time of a path or of an app.
-    pub(crate) const TIME: Axis<'static> = Axis::linear("time, s");
+    pub(crate) const TIME: Axis<'static> = Axis::along("time, s");
 
-    /// An axis in equal steps.
+    const fn logarithmic(name: &'a str) -> Self {
+        Self { name, is_log: true, from_zero: false }
+    }
+
+    /// An axis in equal steps, from 0.
     pub(crate) const fn linear(name: &'a str) -> Self {
-        Self { name, is_log: false }
+        Self { name, is_log: false, from_zero: true }
+    }
+
+    /// An axis in equal steps, around its values alone.
+    pub(crate) const fn along(name: &'a str) -> Self {
+        Self { name, is_log: false, from_zero: false }
     }
 }
 
@@ -139,8 +144,8 @@ impl Plot<'_> {
             curves.copied().chain(self.marks.iter().map(|mark| mark.at))
         };
         let limit = self.limit.filter(|limit| limit.is_finite());
-        let xs = axis_range(all().map(|point| point.0), axes[0].is_log, false);
-        let ys = axis_range(all().map(|point| point.1).chain(limit), axes[1].is_log, true);
+        let xs = axis_range(all().map(|point| point.0), axes[0]);
+        let ys = axis_range(all().map(|point| point.1).chain(limit), axes[1]);
         let (x_range, y_range) = (xs.0..xs.1, ys.0..ys.1);
         let log = |range: &Range<f64>| range.clone().log_scale().with_key_points(ticks(range));
         let mut svg = String::new();
@@ -240,10 +245,10 @@ impl Plot<'_> {
     }
 }
 
-/// The range of an axis, from 0 if `from_zero` and not logarithmic.
-fn axis_range(values: impl Iterator<Item = f64>, is_log: bool, from_zero: bool) -> (f64, f64) {
-    if !is_log {
-        return range(values, from_zero);
+/// The range of an axis.
+fn axis_range(values: impl Iterator<Item = f64>, axis: Axis<'_>) -> (f64, f64) {
+    if !axis.is_log {
+        return range(values, axis.from_zero);
     }
     let (low, high) = range(values.filter(|value| *value > 0.0).map(f64::log10), false);
     // A map may hold an error of 1e-12 beside one of 0.1.

@@ -2,11 +2,11 @@
 
 use frugal_core::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint};
 use frugal_core::knobs::KnobLevels;
-use frugal_search::cameras::CameraSet;
+use frugal_search::cameras::{CameraSet, MovingCamera};
 use frugal_search::pipeline::Outcome;
+use glam::Vec3;
 
-use super::plan::Plan;
-use super::{Axis, Color, Curve, Fact, Plot, Report, percent, settings_table, staircase};
+use super::{Axis, Color, Curve, Fact, Mark, Plot, Report, percent, settings_table, staircase};
 
 /// A finished search.
 #[derive(Debug)]
@@ -29,8 +29,8 @@ pub(crate) fn search_section(report: &mut Report, summary: &SearchSummary) -> Re
     report.facts(&search_facts(summary));
     report.plots(&[
         (
-            "Cameras from above. Wedges are training cameras, rings are calibration cameras",
-            plan(summary),
+            "Cameras from above. Lines show where training cameras look, points are calibration cameras",
+            plan(summary)?,
         ),
         (
             "Mean error at equal mean power at the training cameras: settings by view (blue), from frontiers fitted without that view; the best constant (orange)",
@@ -104,18 +104,31 @@ fn mean_cost(outcome: &Outcome, settings: KnobLevels) -> Option<CostPoint> {
     table.mean(table.column(settings)?, 0..table.rows())
 }
 
-/// Cameras from above, training cameras as wedges in their directions.
-fn plan(summary: &SearchSummary) -> String {
+/// Share of the longest side of the camera space that a training camera's line has.
+const LINE: f32 = 0.03;
+
+/// Cameras from above, training cameras as lines in their directions.
+fn plan(summary: &SearchSummary) -> Result<String, String> {
     let SearchSummary { map, outcome, cameras } = summary;
-    let mut plan = Plan::new("Cameras from above", map.bounds.min, map.bounds.max);
-    for camera in cameras.calibration.iter().take(outcome.cameras[1]) {
-        plan.ring(camera.pose.position);
-    }
-    for camera in outcome.training_cameras.iter().filter_map(|camera| cameras.training.get(*camera))
-    {
-        plan.wedge(camera.pose.position, camera.pose.forward());
-    }
-    plan.finish()
+    let [min, max] = [map.bounds.min, map.bounds.max].map(Vec3::from_array);
+    let length = LINE * (max - min).max_element();
+    let above = |position: Vec3| (f64::from(position.x), f64::from(-position.z));
+    let line = |camera: &MovingCamera| {
+        let (from, forward) = (camera.pose.position, camera.pose.forward());
+        let points = vec![above(from), above(from + length * forward)];
+        Curve { color: Color::BLUE, width: 2, points }
+    };
+    let point = |camera: &MovingCamera| {
+        let at = above(camera.pose.position);
+        Mark { name: String::new(), at, color: Color::GREY }
+    };
+    let training = outcome.training_cameras.iter().filter_map(|one| cameras.training.get(*one));
+    let lines: Vec<Curve> = training.map(line).collect();
+    let points: Vec<Mark> =
+        cameras.calibration.iter().take(outcome.cameras[1]).map(point).collect();
+    let plot =
+        Plot { label: "Cameras from above", curves: &lines, marks: &points, ..Plot::default() };
+    plot.svg([Axis::along("x, m"), Axis::along("−z, m")])
 }
 
 /// Exchange rates of error against power, watts per unit of error, from 10 to the power of −2 to 6.
@@ -194,12 +207,9 @@ mod tests {
         {
             assert!(html.contains(text), "{text}");
         }
-        // A wedge for each training camera, and a ring for each calibration camera.
-        assert_eq!(html.matches("<path d=\"M").count(), counts[0]);
-        assert_eq!(
-            html.matches("fill=\"none\" stroke=\"currentColor\" opacity=\"0.6\"").count(),
-            counts[1]
-        );
+        // A line for each training camera, beside one of errors, and a point for each calibration camera.
+        assert_eq!(html.matches("stroke=\"#2F7DE1\"").count(), counts[0] + 1);
+        assert_eq!(html.matches("<circle ").count(), counts[1]);
         assert!(!html.contains("NaN") && !html.contains("inf\""));
     }
 

@@ -39,17 +39,12 @@ pub use world::populate;
 
 /// Renders and meters frames: a stage, or formulas in tests.
 pub(crate) trait FrameRenderer {
-    /// Starts a run called `name` at `pose` with `settings`: resets temporal history and warms up,
+    /// Starts a run at `pose` with `settings`: resets temporal history and warms up,
     /// so that the first frame costs no more than the others. The run's first frame follows.
     ///
     /// # Errors
     /// When the run cannot start.
-    fn begin_run(
-        &mut self,
-        name: &str,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<(), RemoteError>;
+    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), RemoteError>;
 
     /// Renders the next frame, at `pose` with `settings`: its display-referred image, and its power at the
     /// target frame rate, idle + this frame's energy × frames per second. All frames are of one size.

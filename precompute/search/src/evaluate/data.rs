@@ -61,14 +61,12 @@ impl RecordFile {
         if frames == 0 || counts.iter().any(|count| *count != counts[0]) {
             return Err(of_file(format!("{frames} frames, and columns of {counts:?} settings")));
         }
-        let pose = |[x, y, z, a, b, c, d]: [f32; 7]| Pose {
-            position: Vec3::new(x, y, z),
-            rotation: Quat::from_xyzw(a, b, c, d),
+        let pose = |[x, y, z, a, b, c, d]: &[f32; 7]| Pose {
+            position: Vec3::new(*x, *y, *z),
+            rotation: Quat::from_xyzw(*a, *b, *c, *d),
         };
-        let poses: Vec<Pose> = self.poses.iter().copied().map(pose).collect();
-        let at = |time: f64| poses[((time * self.fps).round() as usize).min(frames - 1)];
-        let path = PathPlan::sample(&self.path, frames as f64 / self.fps, self.fps, at)
-            .map_err(of_file)?;
+        let path =
+            PathPlan::new(&self.path, self.fps, self.poses.iter().map(pose)).map_err(of_file)?;
         let mut table = CostTable::new(frames);
         let columns = self.milliwatts.iter().zip(&self.error_millionths);
         for (settings, (powers, errors)) in self.settings.iter().zip(columns) {

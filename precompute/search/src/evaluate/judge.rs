@@ -8,7 +8,7 @@ use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
 
-use super::baselines::{Oracle, Reactive, best_constant, best_of, ladder, mixed_constants, oracle};
+use super::baselines::{Oracle, Reactive, best_of, ladder, mixed_constants, oracle};
 use super::result::{mean_error, mean_power};
 use super::{
     BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
@@ -182,7 +182,7 @@ impl<'a> Trial<'a> {
         }
         if is_all {
             runs.push(("default", fixed(self.default), None));
-            if let Some((settings, _)) = best_constant(&record.table, budget) {
+            if let Some((settings, _)) = best_of(record.table.means(), budget) {
                 runs.push(("best-constant", fixed(settings), Some("tuned on this path")));
             }
             if let Some(mut mixed) = mixed_constants(&record.table, budget) {

@@ -22,7 +22,7 @@ use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
 use frugal_core::units::Watts;
 
-pub use baselines::{Reactive, best_constant, ladder};
+pub use baselines::{Reactive, ladder};
 pub use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub use controlled::Controller;
 pub use data::{Made, RecordFile, read_records};
@@ -91,51 +91,27 @@ impl PathPlan {
     /// The longest path, in frames: an hour at 60 frames per second.
     pub const MAX_FRAMES: usize = 216_000;
 
-    /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration
-    /// × fps) frames, at least one, the camera of frame i being `pose_at(i / fps)`.
+    /// The path called `name`, at `fps` frames per second, with a pose for each frame.
     ///
     /// # Errors
-    /// When the frame rate is not above 0 and finite, or the duration negative, not a number, or
-    /// too long.
-    pub fn sample(
+    /// When the frame rate is not above 0 and finite, or there are no frames or too many.
+    pub fn new(
         name: &str,
-        duration: f64,
         fps: f64,
-        mut pose_at: impl FnMut(f64) -> Pose,
+        poses: impl ExactSizeIterator<Item = Pose>,
     ) -> Result<Self, String> {
         if !(fps > 0.0 && fps.is_finite()) {
             return Err(format!(
                 "{fps} frames per second: the frame rate must be above 0 and finite"
             ));
         }
-        if duration.is_nan() || duration < 0.0 {
-            return Err(format!(
-                "path `{name}` lasts {duration} s: the duration must be 0 s or more"
-            ));
-        }
-        let frames = (duration * fps).round().max(1.0);
-        if frames > Self::MAX_FRAMES as f64 {
-            let most = Self::MAX_FRAMES;
-            return Err(format!(
-                "path `{name}` has {frames} frames, where at most {most} are played"
-            ));
-        }
-        let poses = (0..frames as usize).map(|frame| pose_at(frame as f64 / fps)).collect();
-        Ok(Self { name: name.to_owned(), fps, poses })
-    }
-
-    /// The poses of a path's frames at `fps` frames per second.
-    ///
-    /// # Errors
-    /// When there are none or too many.
-    pub fn of_poses(name: &str, fps: f64, poses: Vec<Pose>) -> Result<Self, String> {
         let (frames, most) = (poses.len(), Self::MAX_FRAMES);
         if !(1..=most).contains(&frames) {
             return Err(format!(
                 "path `{name}` has {frames} frames, where one to {most} are played"
             ));
         }
-        Ok(Self { name: name.to_owned(), fps, poses })
+        Ok(Self { name: name.to_owned(), fps, poses: poses.collect() })
     }
 
     /// The path's name in the scene.
@@ -175,39 +151,17 @@ mod tests {
 
     use super::*;
 
-    fn still(_: f64) -> Pose {
-        Pose { position: Vec3::ZERO, rotation: Quat::IDENTITY }
-    }
-
-    #[test]
-    fn a_path_has_as_many_frames_as_its_length_says() {
-        let frames =
-            |duration, fps| PathPlan::sample("tour", duration, fps, still).unwrap().poses().len();
-        assert_eq!(frames(6.0, 30.0), 180);
-        assert_eq!(frames(0.99, 2.0), 2);
-        assert_eq!(frames(0.0, 30.0), 1, "a still camera is a path too");
-        let path = PathPlan::sample("tour", 1.0, 4.0, |time| Pose {
-            position: Vec3::X * time as f32,
-            rotation: Quat::IDENTITY,
-        })
-        .unwrap();
-        assert_eq!(
-            path.poses().iter().map(|pose| pose.position.x).collect::<Vec<_>>(),
-            [0.0, 0.25, 0.5, 0.75]
-        );
-    }
-
     #[test]
     fn impossible_paths_are_refused() {
-        let refused = |duration, fps| {
-            PathPlan::sample("tour", duration, fps, still).expect_err("an impossible path")
+        let still = Pose { position: Vec3::ZERO, rotation: Quat::IDENTITY };
+        let refused = |frames: usize, fps| {
+            PathPlan::new("tour", fps, (0..frames).map(|_| still)).expect_err("an impossible path")
         };
         for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(refused(1.0, fps).contains("frame rate must be above 0"), "{fps}");
+            assert!(refused(1, fps).contains("frame rate must be above 0"), "{fps}");
         }
-        for seconds in [-1.0, f64::NAN, f64::NEG_INFINITY] {
-            assert!(refused(seconds, 30.0).contains("duration must be 0 s or more"), "{seconds}");
+        for frames in [0, PathPlan::MAX_FRAMES + 1, usize::MAX] {
+            assert!(refused(frames, 30.0).contains("one to 216000 are played"), "{frames}");
         }
-        assert!(refused(f64::INFINITY, 30.0).contains("at most 216000 are played"));
     }
 }

@@ -6,6 +6,7 @@
 //! between the recorded ones before and after. The spot check of an
 //! [`EvaluationResult`](super::EvaluationResult) measures the difference with a rendered run.
 
+use crate::journal::read_cost;
 use crate::table::CostTable;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
@@ -134,11 +135,10 @@ const MAX_ROUNDS: f64 = 400.0;
 const LEAST: f64 = 1e-4;
 
 fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
-    let mut words = record.strip_prefix("frame ")?.split(' ');
-    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
-    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let frame = usize::try_from(number()?).ok()?;
-    Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
+    let (question, cost) = read_cost(record)?;
+    let (settings, frame) = question.strip_prefix("frame ")?.split_once(' ')?;
+    let settings = KnobLevels::from_bits(u128::from_str_radix(settings, 16).ok()?);
+    Some((settings, usize::from_str_radix(frame, 16).ok()?, cost))
 }
 
 #[cfg(test)]

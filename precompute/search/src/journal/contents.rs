@@ -1,5 +1,7 @@
 //! What a journal's file holds: lines of text, each with a checksum.
 
+use frugal_core::frontier::CostPoint;
+
 use super::JournalHeader;
 
 /// First word of a journal, with the version of its format: of its lines, and of what is counted in
@@ -12,6 +14,19 @@ pub fn hash(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
+}
+
+/// A record of what was asked for, and its cost: exact bits, so that it reads back as it was rendered.
+pub fn cost_record(question: &str, cost: CostPoint) -> String {
+    format!("{question} {:016x} {:016x}", cost.power.0.to_bits(), cost.error.to_bits())
+}
+
+/// What a [`cost_record`] says; `None` for other records.
+pub fn read_cost(record: &str) -> Option<(&str, CostPoint)> {
+    let mut words = record.rsplitn(3, ' ');
+    let mut number = || u64::from_str_radix(words.next()?, 16).ok().map(f64::from_bits);
+    let (error, power) = (number()?, number()?);
+    Some((words.next()?, CostPoint::new(power, error)))
 }
 
 /// `text` as a line with its checksum.

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use crate::files::FileError;
 
-pub use contents::hash;
 use contents::{Contents, MAGIC, is_of_us, is_unbegun, line};
+pub use contents::{cost_record, hash, read_cost};
 
 /// Greatest delay before records reach the disk; they reach the operating system at once. A kill
 /// loses nothing, a power cut a second.

@@ -4,7 +4,6 @@ use frugal_core::knobs::KnobSpace;
 
 use super::{PipelineError, Purpose, Renderings, jobs};
 use crate::pool::screening_settings;
-use crate::table::Measure;
 
 /// How far a search goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,11 +80,11 @@ impl Extent {
 
     /// The extent that the time allows, from the duration of the first renderings: those that the
     /// first pilot camera needs in any case.
-    pub(super) fn choose<M: Measure>(
+    pub(super) fn choose(
         space: &KnobSpace,
         first_pilot: Option<usize>,
-        renderings: &mut Renderings<'_, M>,
-    ) -> Result<Self, PipelineError<M::Error>> {
+        renderings: &mut Renderings<'_>,
+    ) -> Result<Self, PipelineError> {
         if renderings.setup.limit.is_none() {
             return Ok(Self::WHOLE);
         }

@@ -11,18 +11,18 @@ use crate::cameras::{CameraSet, MovingCamera, view_from};
 use crate::cost::{CostModel, CostReading, Work, saved_joules, work_prices};
 use crate::fit::{Calibration, Completion, FitConfig, Fitted, Training, calibrate, fit};
 use crate::pool::Screening;
-use crate::table::{CostTable, Measure};
+use crate::table::CostTable;
 
 /// Cameras of tracks that are enough to calibrate by them alone.
 const ENOUGH_ON_TRACKS: usize = 20;
 
 /// Fits the octree and calibrates error budgets.
-pub(super) fn finish<M: Measure>(
+pub(super) fn finish(
     subject: &Subject<'_>,
     config: &FitConfig,
     cameras: &CameraSet,
     (extent, screening, rendered): (Extent, Screening, Rendered),
-    renderings: &Renderings<'_, M>,
+    renderings: &Renderings<'_>,
 ) -> Outcome {
     let Rendered { pool, counts, completion } = rendered;
     let table = |purpose: Purpose, count: usize| {

@@ -2,7 +2,7 @@
 //!
 //! All renderings go through `Renderings` and are journaled, as are proposals, which take seconds.
 //! Everything else that follows from renderings is recomputed when a run is resumed. Independent of
-//! the renderer: [`Measure`] renders.
+//! the renderer: [`Measure`](crate::table::Measure) renders.
 mod clock;
 mod extent;
 mod finish;
@@ -20,7 +20,7 @@ use crate::cost::{CostModel, FrameLayout, Work};
 use crate::fit::{Completion, FitConfig, Fitted};
 use crate::journal::JournalError;
 use crate::pool::{Screening, portfolio, propose, screening_settings};
-use crate::table::{CostTable, Measure};
+use crate::table::CostTable;
 
 pub use extent::Extent;
 pub use finish::map_of;
@@ -46,10 +46,10 @@ pub struct PipelineConfig {
 
 /// Why no map was made.
 #[derive(Debug, thiserror::Error)]
-pub enum PipelineError<E> {
-    /// Rendering failed.
+pub enum PipelineError {
+    /// Rendering failed: why, in a sentence.
     #[error("{0}")]
-    Measure(E),
+    Measure(String),
     /// The journal cannot be written.
     #[error(transparent)]
     Journal(#[from] JournalError),
@@ -116,11 +116,11 @@ pub struct Subject<'a> {
 ///
 /// # Errors
 /// When rendering fails or is stopped; what was rendered before is in the journal.
-pub fn run<M: Measure>(
+pub fn run(
     subject: &Subject<'_>,
     config: &PipelineConfig,
-    setup: Setup<'_, M>,
-) -> Result<Outcome, PipelineError<M::Error>> {
+    setup: Setup<'_>,
+) -> Result<Outcome, PipelineError> {
     let cameras = setup.cameras;
     if cameras.training.is_empty() {
         return Err(PipelineError::NoCameras);
@@ -139,12 +139,12 @@ pub fn run<M: Measure>(
 
 /// Screening at the pilot cameras. What a knob does may show elsewhere alone: those without effect
 /// there are lowered together at `others`, and one by one where that shows.
-fn screen<M: Measure>(
+fn screen(
     space: &KnobSpace,
     settings: &[KnobLevels],
     (pilots, others): (&[usize], &[usize]),
-    renderings: &mut Renderings<'_, M>,
-) -> Result<Screening, PipelineError<M::Error>> {
+    renderings: &mut Renderings<'_>,
+) -> Result<Screening, PipelineError> {
     renderings.batch("screening", &jobs(Purpose::Training, pilots, settings))?;
     let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, settings));
     if screening.without_effect.is_empty() {
@@ -176,14 +176,14 @@ fn jobs(purpose: Purpose, cameras: &[usize], settings: &[KnobLevels]) -> Vec<Job
 
 /// Rounds of proposals at the pilot cameras. Returns all that they have rendered: the candidates for
 /// the pool.
-fn find_pool<M: Measure>(
+fn find_pool(
     subject: &Subject<'_>,
     seed: u64,
     extent: &Extent,
     pilots: &[usize],
     (screening, mut rendered): (&Screening, Vec<KnobLevels>),
-    renderings: &mut Renderings<'_, M>,
-) -> Result<Vec<KnobLevels>, PipelineError<M::Error>> {
+    renderings: &mut Renderings<'_>,
+) -> Result<Vec<KnobLevels>, PipelineError> {
     for round in 0..extent.rounds {
         let name = format!("round {round}");
         if !renderings.has_time(&name, extent.batch * pilots.len(), extent.pool_share)? {
@@ -230,14 +230,14 @@ struct Rendered {
 }
 
 /// Renders the pool at blocks of training and calibration cameras.
-fn render_cameras<M: Measure>(
+fn render_cameras(
     subject: &Subject<'_>,
     extent: &Extent,
     cameras: &CameraSet,
     pilots: &[usize],
     candidates: &[KnobLevels],
-    renderings: &mut Renderings<'_, M>,
-) -> Result<Rendered, PipelineError<M::Error>> {
+    renderings: &mut Renderings<'_>,
+) -> Result<Rendered, PipelineError> {
     let space = subject.space;
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
     let at_pilots = table(renderings, Purpose::Training, pilots, candidates);
@@ -276,8 +276,8 @@ fn render_cameras<M: Measure>(
     Ok(Rendered { pool, counts, completion })
 }
 
-fn table<M: Measure>(
-    renderings: &Renderings<'_, M>,
+fn table(
+    renderings: &Renderings<'_>,
     purpose: Purpose,
     cameras: &[usize],
     settings: &[KnobLevels],

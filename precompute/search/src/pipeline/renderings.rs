@@ -11,8 +11,8 @@ use frugal_trace::scene::CameraPose;
 
 use super::PipelineError;
 use super::clock::Clock;
-use crate::cameras::{CameraSet, MovingCamera};
-use crate::journal::{Journal, JournalError};
+use crate::cameras::CameraSet;
+use crate::journal::{Journal, JournalError, cost_record, read_cost};
 use crate::table::{Batch, Measure, Measured};
 
 /// Purpose of a camera; its letter in the journal.
@@ -46,9 +46,9 @@ pub struct Progress<'a> {
 }
 
 /// Inputs of a pipeline run.
-pub struct Setup<'a, M> {
+pub struct Setup<'a> {
     /// The renderer.
-    pub measure: &'a mut M,
+    pub measure: &'a mut dyn Measure,
     /// The journal, and its earlier records.
     pub journal: (Journal, Vec<String>),
     /// The cameras.
@@ -64,20 +64,22 @@ pub struct Setup<'a, M> {
 }
 
 /// All known renderings, and the means to make more.
-pub(super) struct Renderings<'a, M> {
+pub(super) struct Renderings<'a> {
     /// Its inputs; the journal with the records of earlier runs, and what [`once`](Self::once) added.
-    pub setup: Setup<'a, M>,
+    pub setup: Setup<'a>,
     /// Costs by [`question`].
     pub known: HashMap<String, CostPoint>,
     /// The time limit's clock.
     pub clock: Clock,
 }
 
-impl<'a, M: Measure> Renderings<'a, M> {
+impl<'a> Renderings<'a> {
     /// Starts the time limit's clock, or continues it where the journal has one.
-    pub(super) fn new(setup: Setup<'a, M>) -> Self {
+    pub(super) fn new(setup: Setup<'a>) -> Self {
         let records = &setup.journal.1;
-        let known = records.iter().filter_map(|record| read_rendering(record)).collect();
+        let costs = records.iter().filter_map(|record| read_cost(record));
+        let known = costs.filter(|(question, _)| question.starts_with("render "));
+        let known = known.map(|(question, cost)| (question.to_owned(), cost)).collect();
         Self { known, clock: Clock::start(setup.limit, records), setup }
     }
 
@@ -89,11 +91,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
-    pub(super) fn batch(
-        &mut self,
-        stage: &str,
-        jobs: &[Job],
-    ) -> Result<(), PipelineError<M::Error>> {
+    pub(super) fn batch(&mut self, stage: &str, jobs: &[Job]) -> Result<(), PipelineError> {
         let (batches, cameras, is_missing) = self.unknown(jobs);
         let total: usize = jobs.iter().map(|job| job.settings.len()).sum();
         let unknown: usize = batches.iter().map(|batch| batch.settings.len()).sum();
@@ -108,7 +106,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             clock.seconds = before + started.elapsed().as_secs_f64();
             done += 1;
             let question = question(cameras[batch], settings);
-            let record = write_rendering(&question, cost);
+            let record = cost_record(&question, cost);
             known.insert(question, cost);
             if let Err(error) = append(journal, &record, clock) {
                 failure = Err(error.into());
@@ -130,10 +128,9 @@ impl<'a, M: Measure> Renderings<'a, M> {
         let (shard, shards) = self.setup.shard;
         let mut asked = HashSet::new();
         for (number, Job { camera, settings }) in jobs.iter().enumerate() {
-            let clip = self.clip(*camera);
             let is_unknown = |settings: &&KnobLevels| {
                 let question = question(*camera, **settings);
-                !clip.is_empty() && !self.known.contains_key(&question) && asked.insert(question)
+                !self.known.contains_key(&question) && asked.insert(question)
             };
             let mut settings: Vec<KnobLevels> =
                 settings.iter().filter(is_unknown).copied().collect();
@@ -146,23 +143,20 @@ impl<'a, M: Measure> Renderings<'a, M> {
             if number % 2 == 1 {
                 settings.reverse();
             }
-            batches.push(Batch { clip, settings });
+            batches.push(Batch { clip: self.clip(*camera), settings });
             cameras.push(*camera);
         }
         (batches, cameras, is_missing)
     }
 
-    /// The poses to render; none for numbers out of range.
-    pub(super) fn clip(&self, (purpose, number): (Purpose, usize)) -> Vec<CameraPose> {
+    /// The poses to render.
+    fn clip(&self, (purpose, number): (Purpose, usize)) -> Vec<CameraPose> {
         let Setup { cameras, clip: (frames, frames_per_second), .. } = self.setup;
-        let of_camera = |cameras: &[MovingCamera]| {
-            let camera = cameras.get(number);
-            camera.map(|camera| camera.clip(frames, frames_per_second)).unwrap_or_default()
+        let cameras = match purpose {
+            Purpose::Training => &cameras.training,
+            Purpose::Calibration => &cameras.calibration,
         };
-        match purpose {
-            Purpose::Training => of_camera(&cameras.training),
-            Purpose::Calibration => of_camera(&cameras.calibration),
-        }
+        cameras[number].clip(frames, frames_per_second)
     }
 
     /// Cost of settings at a camera; `None` where not rendered.
@@ -239,19 +233,6 @@ fn question((purpose, camera): (Purpose, usize), settings: KnobLevels) -> String
     format!("render {} {camera:x} {:x}", purpose as u8 as char, settings.bits())
 }
 
-/// Exact bits, so that a record reads back as it was rendered.
-fn write_rendering(question: &str, cost: CostPoint) -> String {
-    format!("{question} {:016x} {:016x}", cost.power.0.to_bits(), cost.error.to_bits())
-}
-
-fn read_rendering(record: &str) -> Option<(String, CostPoint)> {
-    let mut words = record.rsplitn(3, ' ');
-    let mut number = || u64::from_str_radix(words.next()?, 16).ok().map(f64::from_bits);
-    let (error, power) = (number()?, number()?);
-    let question = words.next().filter(|question| question.starts_with("render "))?;
-    Some((question.to_owned(), CostPoint::new(power, error)))
-}
-
 fn write_settings(settings: &[KnobLevels]) -> String {
     settings.iter().map(|one| format!("{:x}", one.bits())).collect::<Vec<_>>().join(" ")
 }
@@ -270,12 +251,12 @@ mod tests {
         for cost in [CostPoint::new(0.1 + 0.2, 1e-300), CostPoint::new(f64::INFINITY, -0.0)] {
             let asked = question((Purpose::Calibration, 77), KnobLevels::from_bits(u128::MAX));
             assert_eq!(asked, format!("render c 4d {:x}", u128::MAX));
-            assert_eq!(read_rendering(&write_rendering(&asked, cost)), Some((asked, cost)));
+            assert_eq!(read_cost(&cost_record(&asked, cost)), Some((asked.as_str(), cost)));
         }
         for settings in [vec![], vec![KnobLevels::from_bits(0x1f), KnobLevels::from_bits(0)]] {
             assert_eq!(read_settings(&write_settings(&settings)), Some(settings));
         }
         assert_eq!(read_settings("1f x"), None);
-        assert_eq!((read_rendering("render t 0 0 x 0"), read_rendering("decide")), (None, None));
+        assert_eq!((read_cost("render t 0 0 x 0"), read_cost("decide")), (None, None));
     }
 }

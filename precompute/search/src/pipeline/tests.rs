@@ -1,6 +1,5 @@
 //! The pipeline on a synthetic renderer: kills, shards, time limits, and quality of the map.
 
-use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -10,32 +9,24 @@ use glam::{Quat, Vec3};
 
 use super::*;
 use crate::journal::{Existing, Journal, JournalHeader};
-use crate::table::{Batch, Measured};
-use crate::testing::{BOUNDS, Formula, Run, cost, layout, run_once, run_with, space, whole};
+use crate::table::{Batch, Measure, Measured};
+use crate::testing::{
+    BOUNDS, Formula, Run, cost, layout, one_by_one, run_once, run_with, space, whole,
+};
 
 /// Hands over the costs of several processes, the later batches first.
 struct SideBySide(Formula);
 
 impl Measure for SideBySide {
-    type Error = Infallible;
-
-    fn measure(
-        &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<CostPoint, Infallible> {
-        self.0.measure(clip, settings)
-    }
-
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), Infallible> {
+    ) -> Result<(), String> {
         let mut after_the_end = 2;
         for (batch, Batch { clip, settings }) in batches.iter().enumerate().rev() {
             for settings in settings.iter().rev().copied() {
-                let cost = self.measure(clip, settings)?;
+                let cost = self.0.measure(clip, settings);
                 // The other processes finish what they are at.
                 if done(Measured { batch, settings, cost }).is_break() {
                     after_the_end -= 1;
@@ -239,15 +230,15 @@ fn a_resumed_run_has_the_time_that_is_left() {
     /// Takes a millisecond for each rendering.
     struct Slow(Formula);
     impl Measure for Slow {
-        type Error = Infallible;
-
-        fn measure(
+        fn measure_all(
             &mut self,
-            clip: &[CameraPose],
-            settings: KnobLevels,
-        ) -> Result<CostPoint, Infallible> {
-            std::thread::sleep(Duration::from_millis(1));
-            self.0.measure(clip, settings)
+            batches: &[Batch],
+            done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+        ) -> Result<(), String> {
+            one_by_one(batches, done, |clip, settings| {
+                std::thread::sleep(Duration::from_millis(1));
+                self.0.measure(clip, settings)
+            })
         }
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -307,18 +298,19 @@ fn a_knob_that_acts_elsewhere_than_at_the_only_pilot_is_searched() {
     /// The idle knob acts in the half of the scene where the first pilot is not.
     struct Elsewhere(Formula, Option<bool>);
     impl Measure for Elsewhere {
-        type Error = Infallible;
-
-        fn measure(
+        fn measure_all(
             &mut self,
-            clip: &[CameraPose],
-            settings: KnobLevels,
-        ) -> Result<CostPoint, Infallible> {
-            let is_left = clip.last().is_some_and(|pose| pose.position.x < 4.0);
-            let acts = *self.1.get_or_insert(is_left) != is_left;
-            let lowered = if acts { 2 - settings.level(4) } else { 0 };
-            let cost = self.0.measure(clip, settings)?;
-            Ok(CostPoint::new(cost.power.0, cost.error + 0.02 * lowered as f64))
+            batches: &[Batch],
+            done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+        ) -> Result<(), String> {
+            let Self(formula, first) = self;
+            one_by_one(batches, done, |clip, settings| {
+                let is_left = clip.last().is_some_and(|pose| pose.position.x < 4.0);
+                let acts = *first.get_or_insert(is_left) != is_left;
+                let lowered = if acts { 2 - settings.level(4) } else { 0 };
+                let cost = formula.measure(clip, settings);
+                CostPoint::new(cost.power.0, cost.error + 0.02 * lowered as f64)
+            })
         }
     }
     let folder = tempfile::tempdir().expect("a folder");

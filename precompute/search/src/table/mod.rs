@@ -113,41 +113,18 @@ impl CostTable {
     }
 }
 
-/// Measures the cost of settings at a camera: by a renderer, or by a formula in tests.
+/// Measures costs of settings at cameras: by renderers, or by a formula in tests.
 pub trait Measure {
-    /// Why a measurement failed.
-    type Error;
-
-    /// Power and error of `settings` in the last frame of a clip, the poses of consecutive frames.
-    ///
-    /// # Errors
-    /// When the rendering or the metering fails.
-    fn measure(
-        &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<CostPoint, Self::Error>;
-
     /// Measures all of `batches`, in order or side by side, and hands over each cost as it is known,
-    /// until `done` breaks.
+    /// until `done` breaks. A cost is power and error in the last frame of the batch's clip.
     ///
     /// # Errors
-    /// When a rendering or its metering fails. What was handed over before counts.
+    /// Why a rendering or its metering failed, in a sentence. What was handed over before counts.
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), Self::Error> {
-        for (batch, Batch { clip, settings }) in batches.iter().enumerate() {
-            for settings in settings.iter().copied() {
-                let cost = self.measure(clip, settings)?;
-                if done(Measured { batch, settings, cost }).is_break() {
-                    return Ok(());
-                }
-            }
-        }
-        Ok(())
-    }
+    ) -> Result<(), String>;
 }
 
 /// Settings to measure at one camera.

@@ -45,11 +45,11 @@ pub fn meter() -> MeterInfo {
 
 /// Two seconds along X.
 pub fn path() -> PathPlan {
-    PathPlan::sample("tour", 2.0, 5.0, |time| Pose {
-        position: Vec3::X * time as f32,
+    let pose = |frame: u8| Pose {
+        position: Vec3::X * (f64::from(frame) / 5.0) as f32,
         rotation: Quat::IDENTITY,
-    })
-    .unwrap()
+    };
+    PathPlan::new("tour", 5.0, (0..10).map(pose)).unwrap()
 }
 
 /// Power at x = 0 without drift.

@@ -2,7 +2,6 @@
 
 pub mod formula;
 
-use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,7 +16,7 @@ use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{FrameLayout, Work, work_names};
 use crate::journal::{Existing, Journal, JournalHeader, records_of};
 use crate::pipeline::{Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, run};
-use crate::table::Measure;
+use crate::table::{Batch, Measure, Measured};
 
 /// The plugin's knobs, all of them.
 pub fn every_knob() -> KnobSpace {
@@ -148,17 +147,38 @@ pub(crate) fn cost(space: &KnobSpace, pose: &CameraPose, settings: KnobLevels) -
     )
 }
 
-impl Measure for Formula {
-    type Error = Infallible;
-
-    fn measure(
-        &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<CostPoint, Infallible> {
+impl Formula {
+    pub(crate) fn measure(&mut self, clip: &[CameraPose], settings: KnobLevels) -> CostPoint {
         self.renderings += 1;
-        Ok(cost(&self.space, clip.last().expect("a pose"), settings))
+        cost(&self.space, clip.last().expect("a pose"), settings)
     }
+}
+
+impl Measure for Formula {
+    fn measure_all(
+        &mut self,
+        batches: &[Batch],
+        done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    ) -> Result<(), String> {
+        one_by_one(batches, done, |clip, settings| self.measure(clip, settings))
+    }
+}
+
+/// Measures batches in order.
+pub(crate) fn one_by_one(
+    batches: &[Batch],
+    done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    mut measure: impl FnMut(&[CameraPose], KnobLevels) -> CostPoint,
+) -> Result<(), String> {
+    for (batch, Batch { clip, settings }) in batches.iter().enumerate() {
+        for settings in settings.iter().copied() {
+            let cost = measure(clip, settings);
+            if done(Measured { batch, settings, cost }).is_break() {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
 }
 
 pub(crate) fn cameras() -> CameraSet {
@@ -186,15 +206,15 @@ pub(crate) struct Run<'a> {
     pub(crate) limit: Option<Duration>,
 }
 
-pub(crate) fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usize) {
+pub(crate) fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError>, usize) {
     let mut formula = Formula { space: space(), renderings: 0 };
     (run_with(&mut formula, setup), formula.renderings)
 }
 
-pub(crate) fn run_with<M: Measure<Error = Infallible>>(
-    measure: &mut M,
+pub(crate) fn run_with(
+    measure: &mut dyn Measure,
     setup: &Run<'_>,
-) -> Result<Outcome, PipelineError<Infallible>> {
+) -> Result<Outcome, PipelineError> {
     let (space, cameras) = (space(), cameras());
     let header = JournalHeader::default().with("seed", 0);
     let (journal, mut records) =

@@ -17,7 +17,7 @@ use super::input::{open_scene, stage_for};
 use super::journal::{JournalUse, journal_header, journal_path, open_journal, other_journals};
 use super::progress::Progress;
 use crate::report::{Report, SearchSummary, map_section, search_facts, search_section};
-use crate::stage::{RemoteError, RemoteStage, StagedScene};
+use crate::stage::{RemoteStage, StagedScene};
 use crate::subject::{camera_space, frame_layout};
 pub(super) use arguments::Arguments;
 
@@ -131,21 +131,13 @@ fn search(
     };
     let outcome = run_pipeline(&subject, &config, setup);
     drop(shown);
-    let outcome = outcome.map_err(|error| cli_error(error, scene))?;
+    let outcome = outcome.map_err(|error| match error {
+        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.label)),
+        error => JournalUse::Precompute.ended(error),
+    })?;
     let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter.clone());
     map.validate().map_err(CliError::failed)?;
     Ok(SearchSummary { map, outcome, cameras })
-}
-
-fn cli_error(error: PipelineError<RemoteError>, scene: &StagedScene) -> CliError {
-    let of = JournalUse::Precompute;
-    match error {
-        PipelineError::Interrupted => of.interrupted(),
-        PipelineError::Journal(error) => of.failed(&error),
-        PipelineError::NeedsOthers => of.needs_others(),
-        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.label)),
-        error => CliError::failed(error),
-    }
 }
 
 /// Prints the facts of a search, and what a longer one would do better.

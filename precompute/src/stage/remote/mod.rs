@@ -24,7 +24,6 @@ use std::sync::Arc;
 
 use bevy_frugal_gi::stage::NO_METER;
 use bevy_frugal_gi::stage::protocol::Opened;
-use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
@@ -89,7 +88,7 @@ impl RemoteStage {
         let mut processes: Vec<_> = (0..count).map(process).collect();
         let Opened { space, meter, idle } = processes[0].start()?;
         let (meter, idle) = match &work {
-            Some(work) => (work.info(), work.idle()),
+            Some(work) => (work.info.clone(), work.idle()),
             None => (meter.ok_or_else(|| RemoteError::usage("the stage has no meter"))?, idle),
         };
         Ok(Self {
@@ -120,21 +119,11 @@ impl RemoteStage {
 }
 
 impl Measure for RemoteStage {
-    type Error = RemoteError;
-
-    fn measure(
-        &mut self,
-        clip: &[CameraPose],
-        settings: KnobLevels,
-    ) -> Result<CostPoint, RemoteError> {
-        self.processes[0].measure(clip, settings)
-    }
-
     fn measure_all(
         &mut self,
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
-    ) -> Result<(), RemoteError> {
+    ) -> Result<(), String> {
         let batches = split(batches, self.processes.len());
         let mut result = Ok(());
         side_by_side(
@@ -152,7 +141,7 @@ impl Measure for RemoteStage {
             |measured| match measured {
                 Ok(measured) => done(measured),
                 Err(error) => {
-                    result = Err(error);
+                    result = Err(error.to_string());
                     ControlFlow::Break(())
                 }
             },

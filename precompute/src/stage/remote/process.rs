@@ -74,7 +74,7 @@ impl StageProcess {
     ///
     /// # Errors
     /// When the process fails.
-    pub(super) fn measure(
+    pub(crate) fn measure(
         &mut self,
         clip: &[CameraPose],
         settings: KnobLevels,
@@ -185,7 +185,7 @@ impl StageProcess {
         if power.0.is_finite() && power.0 > 0.0 {
             return Ok(power);
         }
-        let name = work.info().name;
+        let name = work.info.name.as_str();
         let error = MeterError::broken(name, format!("gave {power} for rendered frames"));
         Err(RemoteError::failed(error))
     }
@@ -204,12 +204,7 @@ fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, RemoteError
 }
 
 impl FrameRenderer for StageProcess {
-    fn begin_run(
-        &mut self,
-        _: &str,
-        pose: &CameraPose,
-        settings: KnobLevels,
-    ) -> Result<(), RemoteError> {
+    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), RemoteError> {
         self.ask(&Request::Begin { pose: *pose, settings }).map(drop)
     }
 

@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::stage::protocol::{Answer, LEVEL_VARIABLE, STAGE_VARIABLE};
+use frugal_search::pipeline::PipelineError;
 
 /// Name of the hidden command that renders a scene file.
 const CHILD_COMMAND: &str = "stage-worker";
@@ -49,6 +50,12 @@ impl RemoteError {
 impl From<io::Error> for RemoteError {
     fn from(error: io::Error) -> Self {
         Self::failed(error)
+    }
+}
+
+impl From<RemoteError> for PipelineError {
+    fn from(error: RemoteError) -> Self {
+        Self::Measure(error.message)
     }
 }
 

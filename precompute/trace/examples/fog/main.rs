@@ -42,7 +42,7 @@ fn run(place: &Place, scale: u32, shape: Shape, seed: u64, truth: &[f64]) -> [f6
     };
     let ((image, records), seconds) = timed(|| {
         let cache = Cache::new(&place.scene, &view, settings).expect("even fog");
-        (cache.image(&place.scene, &view), cache.len())
+        (cache.image(&place.scene, &view), cache.count())
     });
     let paths = |samples| {
         let pixels = Pixels::Middle;

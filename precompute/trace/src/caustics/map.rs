@@ -5,6 +5,8 @@ use std::collections::BinaryHeap;
 
 use glam::Vec3;
 
+use crate::scene::extent;
+
 /// Photons of a leaf.
 const LEAF: usize = 8;
 
@@ -39,11 +41,6 @@ impl PhotonMap {
         let mut axes = vec![0; photons.len()];
         split(&mut photons, &mut axes);
         Self { photons, axes }
-    }
-
-    /// Whether there are no photons.
-    pub(super) fn is_empty(&self) -> bool {
-        self.photons.is_empty()
     }
 
     /// The `count` nearest photons to `place` within `reach`, metres, that arrived from above a
@@ -131,11 +128,7 @@ fn split(photons: &mut [Photon], axes: &mut [u8]) {
     if photons.len() <= LEAF {
         return;
     }
-    let (min, max) =
-        photons.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), photon| {
-            (min.min(photon.position), max.max(photon.position))
-        });
-    let axis = (max - min).max_position();
+    let axis = extent(photons.iter().map(|photon| photon.position)).max_position();
     let middle = photons.len() / 2;
     photons.select_nth_unstable_by(middle, |a, b| a.position[axis].total_cmp(&b.position[axis]));
     axes[middle] = axis as u8;

@@ -133,7 +133,7 @@ pub fn photon_image(
             |pass: u32| (u64::from(caustics.photons) * u64::from(pass) / u64::from(passes)) as u32;
         let count = share(pass + 1) - share(pass);
         let map = split.photons([pass, count], watch.interrupted)?;
-        if map.is_empty() && passes == 1 {
+        if map.photons.is_empty() && passes == 1 {
             continue;
         }
         pixels.par_iter_mut().enumerate().for_each(|(pixel, progress)| {

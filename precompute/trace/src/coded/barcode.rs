@@ -47,6 +47,10 @@ pub fn ratios(frequencies: &[f64]) -> Vec<f64> {
     pairs.filter(|ratio| ratio.is_finite() && *ratio < 1.0).collect()
 }
 
+/// Least number of matching ratios is this share of the code's ratios + the number after it, rounded up.
+const LEAST_SHARE: f64 = 0.1;
+const LEAST_MATCHES: f64 = 2.0;
+
 /// How a code is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detector {
@@ -65,10 +69,6 @@ pub struct Detector {
     /// Least agreement of a peak's phase across the blocks beside its own, in [0, 1]: stripes cross
     /// the whole image, textures do not. 1 ÷ blocks is what chance gives; 0 for any.
     pub coherence: f64,
-    /// Least number of matching ratios is `share` × the code's ratios + `floor`, rounded up.
-    pub share: f64,
-    /// See `share`.
-    pub floor: f64,
     /// Whether the three channels are searched apart; else their luminance. The 36 ratios of three
     /// channels' codes leave hardly a ratio out: a verdict then tells that there are stripes of
     /// several frequencies (harmonics of one, too) more than which.
@@ -86,8 +86,6 @@ impl Default for Detector {
             tolerance: 0.05,
             prominence: 0.0,
             coherence: 0.0,
-            share: 0.1,
-            floor: 2.0,
             colors: false,
         }
     }
@@ -161,7 +159,7 @@ impl Detector {
         let is_known =
             |ratio: &f64| code.iter().any(|known| (ratio - known).abs() <= self.tolerance);
         let matches = ratios(&frequencies).iter().filter(|ratio| is_known(ratio)).count();
-        let threshold = (self.share * code.len() as f64 + self.floor).ceil().max(1.0) as usize;
+        let threshold = (LEAST_SHARE * code.len() as f64 + LEAST_MATCHES).ceil() as usize;
         Ok(Verdict { frequencies, matches, threshold })
     }
 

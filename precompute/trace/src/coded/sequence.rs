@@ -1,12 +1,9 @@
 //! Square waves one after another.
 
 use super::waveform::{CodedError, Modulation, Waveform, out_of, positive};
-use crate::sampler::Sampler;
 
 /// Least rate of a repeating pattern, hertz: eyes see slower ones flicker.
 const FLICKER_FUSION: f64 = 80.0;
-/// Frames per second of the cameras to protect from, at most.
-const FRAME_RATE: f64 = 30.0;
 
 /// Square waves one after another, from the first again after the last. Each begins at its own
 /// phase.
@@ -44,32 +41,39 @@ impl Sequence {
         Ok(Self { blocks, period, energy })
     }
 
-    /// `periods` periods of a square wave whose peak is each time one of `levels` equal steps up to
-    /// `peak`, at random.
+    /// Frequencies in turn, so that no exposure is a whole number of periods of all of them:
+    /// `switch_rate` + n · `step` for n from 0 to `count` − 1, each for 1 ÷ `switch_rate` seconds; all in
+    /// hertz. `duty` and `peak` as of [`Waveform::new`]. Zhu et al. take (2, 200), (3, 300), … (6, 600)
+    /// for `count` and `switch_rate`, and a `step` of 50, which itself hardly matters.
+    ///
+    /// Only an exposure of the whole pattern (10 ms for the published ones) undoes it: in bright light
+    /// it overexposes.
     ///
     /// # Errors
-    /// As [`Waveform::new`], and when `periods` or `levels` is 0.
-    pub fn random_intensities(
-        frequency: f64,
+    /// [`CodedError::OutOfRange`] when `count` is 0, `step` is negative or equals `switch_rate`, or the
+    /// pattern would be seen to flicker; and as [`Waveform::new`].
+    pub fn scrambled(
+        count: u32,
+        switch_rate: f64,
+        step: f64,
         duty: f64,
         peak: f64,
-        levels: u32,
-        periods: u32,
-        seed: u64,
     ) -> Result<Self, CodedError> {
-        positive("the number of levels", f64::from(levels))?;
-        let wave = |i: u32| {
-            let number = Sampler::new(seed, u64::from(i), 0).number();
-            let level = (number * f64::from(levels)).floor() + 1.0;
-            Waveform::new(frequency, duty, 0.0, peak * level / f64::from(levels))
-        };
-        let waves: Vec<Waveform> = (0..periods).map(wave).collect::<Result<_, _>>()?;
-        Self::new(waves.into_iter().map(|wave| (1.0 / frequency, wave)))
-    }
-
-    /// Seconds until it repeats.
-    pub fn period(&self) -> f64 {
-        self.period
+        positive("the number of frequencies", f64::from(count))?;
+        positive("the rate of switches", switch_rate)?;
+        if switch_rate <= f64::from(count) * FLICKER_FUSION {
+            return out_of(
+                "the rate of switches",
+                switch_rate,
+                "above 80 Hz times the frequencies",
+            );
+        }
+        if !(step.is_finite() && step >= 0.0) || step == switch_rate {
+            return out_of("the step", step, "at least 0 and not the rate of switches");
+        }
+        let wave = |n: u32| Waveform::new(switch_rate + f64::from(n) * step, duty, 0.0, peak);
+        let waves: Vec<Waveform> = (0..count).map(wave).collect::<Result<_, _>>()?;
+        Self::new(waves.into_iter().map(|wave| (1.0 / switch_rate, wave)))
     }
 
     /// Light from the beginning until `time`, in [0, period].
@@ -92,75 +96,4 @@ impl Modulation for Sequence {
     fn mean(&self) -> f64 {
         self.energy / self.period
     }
-}
-
-/// Frequencies in turn, so that no exposure is a whole number of periods of all of them. Only an
-/// exposure of the whole pattern (10 ms for the published ones) undoes it: in bright light it
-/// overexposes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scramble {
-    frequencies: Vec<f64>,
-    switch_rate: f64,
-}
-
-impl Scramble {
-    /// The frequencies `switch_rate` + n · `step` for n from 0 to `count` − 1, each for
-    /// 1 ÷ `switch_rate` seconds; all in hertz. Zhu et al. take (2, 200), (3, 300), … (6, 600) for
-    /// `count` and `switch_rate`, and [`best_step`].
-    ///
-    /// # Errors
-    /// [`CodedError::OutOfRange`] when `count` is 0, `step` is negative or equals `switch_rate`,
-    /// the switches are too slow to fall into every frame, or the pattern would be seen to flicker.
-    pub fn new(count: u32, switch_rate: f64, step: f64) -> Result<Self, CodedError> {
-        positive("the number of frequencies", f64::from(count))?;
-        positive("the rate of switches", switch_rate)?;
-        if switch_rate <= f64::from(count) * FRAME_RATE {
-            return out_of(
-                "the rate of switches",
-                switch_rate,
-                "above 30 Hz times the frequencies",
-            );
-        }
-        if switch_rate <= f64::from(count) * FLICKER_FUSION {
-            return out_of(
-                "the rate of switches",
-                switch_rate,
-                "above 80 Hz times the frequencies",
-            );
-        }
-        if !(step.is_finite() && step >= 0.0) || step == switch_rate {
-            return out_of("the step", step, "at least 0 and not the rate of switches");
-        }
-        let frequencies = (0..count).map(|n| switch_rate + f64::from(n) * step).collect();
-        Ok(Self { frequencies, switch_rate })
-    }
-
-    /// Hertz.
-    pub fn frequencies(&self) -> &[f64] {
-        &self.frequencies
-    }
-
-    /// Repetitions of the whole pattern per second: the lowest frequency of its light.
-    pub fn pattern_rate(&self) -> f64 {
-        self.switch_rate / self.frequencies.len() as f64
-    }
-
-    /// A light with this pattern; arguments as of [`Waveform::new`].
-    ///
-    /// # Errors
-    /// As [`Waveform::new`].
-    pub fn sequence(&self, duty: f64, peak: f64) -> Result<Sequence, CodedError> {
-        let waves = self.frequencies.iter().map(|f| Waveform::new(*f, duty, 0.0, peak));
-        let waves: Vec<Waveform> = waves.collect::<Result<_, _>>()?;
-        Sequence::new(waves.into_iter().map(|wave| (1.0 / self.switch_rate, wave)))
-    }
-}
-
-/// The step between frequencies, hertz, that Zhu et al. 2017 found best: 1 ÷ (2 t), where t,
-/// seconds and above 0, is the longest exposure that does not overexpose; 50 Hz for 10 ms.
-///
-/// The step itself hardly matters. An exposure of 10 ms, the period of all the published patterns,
-/// leaves no deviation.
-pub fn best_step(longest_exposure: f64) -> f64 {
-    0.5 / longest_exposure
 }

@@ -1,6 +1,6 @@
 //! A square wave and its integral.
 
-/// Why there is no such light, camera or attack.
+/// Why there is no such light or camera.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CodedError {
@@ -26,15 +26,10 @@ pub enum CodedError {
     },
 }
 
-/// `value` if it is finite and above 0.
-pub(super) fn positive(what: &'static str, value: f64) -> Result<f64, CodedError> {
+/// Whether `value` is finite and above 0.
+pub(super) fn positive(what: &'static str, value: f64) -> Result<(), CodedError> {
     let range = "finite and above 0";
-    if value.is_finite() && value > 0.0 { Ok(value) } else { out_of(what, value, range) }
-}
-
-/// `value` if it is in [0, 1].
-pub(super) fn share(what: &'static str, value: f64) -> Result<f64, CodedError> {
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { out_of(what, value, "in [0, 1]") }
+    if value.is_finite() && value > 0.0 { Ok(()) } else { out_of(what, value, range) }
 }
 
 pub(super) fn out_of<T>(
@@ -71,7 +66,9 @@ impl Waveform {
     /// [`CodedError::OutOfRange`] when one is out of range or not finite.
     pub fn new(frequency: f64, duty: f64, phase: f64, peak: f64) -> Result<Self, CodedError> {
         positive("the frequency", frequency)?;
-        share("the duty cycle", duty)?;
+        if !(0.0..=1.0).contains(&duty) {
+            return out_of("the duty cycle", duty, "in [0, 1]");
+        }
         if !phase.is_finite() {
             return out_of("the phase", phase, "finite");
         }

@@ -115,7 +115,7 @@ pub(crate) fn recorded<R: Record + Send>(
     watch: Watch,
     record: &dyn Fn() -> R,
 ) -> Option<(Radiance, Vec<R>)> {
-    let fog = scene.fog()?;
+    let fog = scene.fog.as_ref()?;
     let UVec2 { x: width, y: height } = view.size;
     let count = width as usize * height as usize;
     let mut sums = vec![DVec3::ZERO; count];

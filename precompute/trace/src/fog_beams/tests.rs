@@ -96,7 +96,7 @@ fn exact(fog: &Fog) -> f64 {
 fn beam(scene: &ReferenceScene, start: [f64; 5]) -> Beam {
     let settings = Settings::default();
     let flight = Emission::new(scene, &settings).unwrap().emit(&start).unwrap();
-    let line = scene.fog().unwrap().line(flight.origin.as_dvec3(), flight.direction, 0.7).unwrap();
+    let line = scene.fog.unwrap().line(flight.origin.as_dvec3(), flight.direction, 0.7).unwrap();
     Beam::new(flight, line, DVec3::Z * 3.0)
 }
 

@@ -74,7 +74,7 @@ impl Cache {
     /// fog, in fog that does not scatter evenly, and for settings out of range. The fog's box must
     /// hold the scene, or light outside it is dimmed as well.
     pub fn new(scene: &ReferenceScene, view: &View, settings: CacheSettings) -> Option<Self> {
-        let fog = scene.fog()?;
+        let fog = scene.fog.as_ref()?;
         let numbers = [settings.tolerance, settings.radii[0], settings.radii[1], settings.step];
         let is_valid = settings.rings >= 2
             && numbers.into_iter().all(|number| number > 0.0 && number.is_finite())
@@ -98,13 +98,8 @@ impl Cache {
     }
 
     /// Number of records.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.records.len()
-    }
-
-    /// Whether there are no records.
-    pub fn is_empty(&self) -> bool {
-        self.records.is_empty()
     }
 
     /// Mean radiance over all directions at `point`, nits, linear RGB; equation 2.23. `None` where
@@ -126,7 +121,7 @@ impl Cache {
     /// cache was made for.
     pub fn image(&self, scene: &ReferenceScene, view: &View) -> Radiance {
         let UVec2 { x: width, y: height } = view.size;
-        let scattering = scene.fog().map_or(DVec3::ZERO, |fog| fog.scattering());
+        let scattering = scene.fog.map_or(DVec3::ZERO, |fog| fog.scattering());
         let pixel = |pixel: u32| {
             let light = |(point, weight): (DVec3, DVec3)| {
                 self.look_up(point).unwrap_or(DVec3::ZERO) * weight
@@ -144,7 +139,7 @@ impl Cache {
         let (origin, direction) = view.ray(place[0], place[1]);
         let hit = scene.closest(origin, direction);
         let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
-        let line = scene.fog().and_then(|fog| fog.line(origin.as_dvec3(), direction, reach));
+        let line = scene.fog.and_then(|fog| fog.line(origin.as_dvec3(), direction, reach));
         let Some(line) = line else { return Vec::new() };
         let count = ((line.far - line.near) / self.settings.step).ceil();
         let length = (line.far - line.near) / count;

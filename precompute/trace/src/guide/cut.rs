@@ -1,9 +1,10 @@
 //! Cuts the sources of a place's photons into spheres.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::Photon;
 use super::sources::{Cone, Sphere};
+use crate::scene::Bounds;
 
 /// Photons that a sphere needs.
 const LEAST_PHOTONS: usize = 4;
@@ -50,8 +51,7 @@ impl Cut {
     /// Parts must cover nearly all that one sphere does: paths that find the rest are rare and
     /// bright.
     fn grow(&mut self, photons: &mut [Photon], depth: u32) -> (f64, f64) {
-        let (min, max) = bounds(photons);
-        let own = self.sphere(photons, min, max);
+        let own = self.sphere(photons);
         let first = self.spheres.len();
         let splits = photons.len() >= 2 * LEAST_PHOTONS && depth < GREATEST_DEPTH;
         if let Some(count) = if splits { split(photons) } else { None } {
@@ -70,12 +70,13 @@ impl Cut {
         (gain, power)
     }
 
-    /// A sphere around the sources of `photons`, which lie between `min` and `max`, and what it
-    /// tells and covers; `None` where it is not brighter than what BSDF sampling expects.
-    fn sphere(&self, photons: &[Photon], min: Vec3, max: Vec3) -> Option<(Sphere, f64, f64)> {
+    /// A sphere around the sources of `photons`, and what it tells and covers; `None` where it is not
+    /// brighter than what BSDF sampling expects.
+    fn sphere(&self, photons: &[Photon]) -> Option<(Sphere, f64, f64)> {
         if photons.len() < LEAST_PHOTONS {
             return None;
         }
+        let bounds = Bounds::around(photons.iter().map(|photon| photon.source))?;
         let (mut sum, mut squares) = (0.0, 0.0);
         for photon in photons {
             sum += f64::from(photon.power);
@@ -83,8 +84,8 @@ impl Cut {
         }
         // Few points do not reach the ends of the range that they are drawn from.
         let count = photons.len() as f64;
-        let radius = 0.5 * (max - min).length() * ((count + 1.0) / (count - 1.0)) as f32;
-        let sphere = Sphere { center: 0.5 * min + 0.5 * max, radius, share: 0.0 };
+        let radius = 0.5 * bounds.size().length() * ((count + 1.0) / (count - 1.0)) as f32;
+        let sphere = Sphere { center: bounds.center(), radius, share: 0.0 };
         let cone = Cone::new(self.place, &sphere)?;
         // What a Lambertian surface would send there.
         let expected = 2.0 * (1.0 - cone.least_cosine) * cone.axis.dot(self.normal).max(0.05);
@@ -121,10 +122,4 @@ fn split(photons: &mut [Photon]) -> Option<usize> {
     let (_, axis, count) = best;
     photons.sort_unstable_by(|a, b| a.source[axis].total_cmp(&b.source[axis]));
     (count > 0).then_some(count)
-}
-
-fn bounds(photons: &[Photon]) -> (Vec3, Vec3) {
-    photons.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), photon| {
-        (min.min(photon.source), max.max(photon.source))
-    })
 }

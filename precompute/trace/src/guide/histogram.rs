@@ -7,11 +7,12 @@
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Photon, cube};
 use crate::sampler::pick;
+use crate::scene::extent;
 
 /// Cubes along the diagonal of all photons' positions. More tell more places apart, with fewer
 /// photons each.
@@ -46,11 +47,8 @@ pub(crate) struct Histogram {
 
 impl Grid {
     pub(super) fn learn(photons: &[Photon]) -> Self {
-        let bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (min, max) = photons.iter().fold(bounds, |(min, max), photon| {
-            (photon.position.min(min), photon.position.max(max))
-        });
-        let side = ((max - min).length() / CUBES).max(f32::MIN_POSITIVE);
+        let extent = extent(photons.iter().map(|photon| photon.position));
+        let side = (extent.length() / CUBES).max(f32::MIN_POSITIVE);
         let mut cubes: HashMap<[i32; 4], Vec<&Photon>> = HashMap::new();
         for photon in photons {
             cubes.entry(cube(photon.position, photon.normal, side)).or_default().push(photon);

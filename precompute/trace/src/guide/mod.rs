@@ -13,6 +13,7 @@ mod sources;
 
 use glam::{DVec3, Vec3};
 
+use crate::scene::extent;
 use histogram::{Grid, Histogram};
 pub(crate) use sources::around;
 use sources::{Cones, Sources};
@@ -140,12 +141,7 @@ impl Tree {
 impl Node {
     /// Splits at the median position. All leaves aim a little at what is `striking`.
     fn learn(photons: &mut [Photon], most: usize, striking: Option<&Sources>) -> Self {
-        let (min, max) = photons
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max): (Vec3, Vec3), photon| {
-                (min.min(photon.position), max.max(photon.position))
-            });
-        let axis = (max - min).max_position();
+        let axis = extent(photons.iter().map(|photon| photon.position)).max_position();
         let middle = photons.len() / 2;
         if photons.len() > most {
             let (_, photon, _) = photons.select_nth_unstable_by(middle, |a, b| {

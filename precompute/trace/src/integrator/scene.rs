@@ -24,7 +24,7 @@ pub struct ReferenceScene {
     /// test.
     is_solid: Vec<bool>,
     #[cfg(feature = "media")]
-    pub(super) fog: Option<crate::media::Fog>,
+    pub(crate) fog: Option<crate::media::Fog>,
 }
 
 impl ReferenceScene {
@@ -65,11 +65,6 @@ impl ReferenceScene {
     pub fn with_fog(self, fog: crate::media::Fog) -> Result<Self, crate::media::FogError> {
         fog.validate()?;
         Ok(Self { fog: Some(fog).filter(|fog| !fog.is_empty()), ..self })
-    }
-
-    #[cfg(feature = "media")]
-    pub(crate) fn fog(&self) -> Option<&crate::media::Fog> {
-        self.fog.as_ref()
     }
 
     /// Number of triangles that rays can hit.

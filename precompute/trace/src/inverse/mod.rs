@@ -92,16 +92,6 @@ pub struct Transport {
 }
 
 impl Transport {
-    /// A matrix from its values, row by row: a row for each of `camera` pixels, of `projector`
-    /// values each.
-    ///
-    /// # Errors
-    /// When the number of values is another.
-    pub fn new(camera: usize, projector: usize, values: Vec<f32>) -> Result<Self, InverseError> {
-        same("values of a matrix", values.len(), camera * projector)?;
-        Ok(Self { camera, projector, values })
-    }
-
     /// Traces paths from `camera` and connects each of their surfaces with `projector`, both
     /// pinholes: one path serves all pixels of the projector. The scene's own lights are off.
     ///

@@ -103,13 +103,12 @@ fn camera_and_projector_can_be_swapped() {
 
 #[test]
 fn products_with_the_matrix_and_its_transpose_agree() {
-    let matrix = Transport::new(3, 2, vec![1.0, 2.0, 0.0, -1.0, 0.5, 4.0]).expect("six values");
+    let matrix = Transport { camera: 3, projector: 2, values: vec![1.0, 2.0, 0.0, -1.0, 0.5, 4.0] };
     let (l, c) = ([3.0, -2.0], [1.0, 5.0, 0.25]);
     let forward: f64 = matrix.image(&l).expect("2").iter().zip(c).map(|(a, b)| a * b).sum();
     let backward: f64 = matrix.dual(&c).expect("3").iter().zip(l).map(|(a, b)| a * b).sum();
     assert!((forward - backward).abs() < 1e-12 && forward != 0.0);
     assert!(matrix.image(&c).is_err() && matrix.dual(&l).is_err());
-    assert!(Transport::new(3, 3, vec![0.0; 6]).is_err());
 }
 
 /// A projector that covers all that the camera sees is a point light of the shipped tracer.
@@ -202,7 +201,7 @@ fn a_sparse_dual_image_is_recovered_and_errors_fall_with_patterns() {
             if block == pixel { 1.0 + pixel as f32 / 64.0 } else { 0.0 }
         })
     });
-    let matrix = Transport::new(64, 1024, values.collect()).expect("a matrix");
+    let matrix = Transport { camera: 64, projector: 1024, values: values.collect() };
     let light: Vec<f64> = (0..64).map(|pixel| f64::from(u8::from(pixel % 9 == 4))).collect();
     let exact = matrix.dual(&light).expect("64 pixels");
     let recovery = Recovery { size: [32, 32], sparsity: 1e-4, iterations: 400 };

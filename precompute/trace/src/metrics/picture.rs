@@ -87,21 +87,9 @@ impl Picture {
     pub fn read_png(path: &Path) -> Result<Self, PictureError> {
         let bytes = std::fs::read(path)
             .map_err(|source| PictureError::File { path: path.to_owned(), source })?;
-        Self::decode(&bytes, &path.display().to_string())
-    }
-
-    /// Decodes the bytes of a PNG file, as [`read_png`](Self::read_png).
-    ///
-    /// # Errors
-    /// When they are not a PNG.
-    pub fn from_png(bytes: &[u8]) -> Result<Self, PictureError> {
-        Self::decode(bytes, "image")
-    }
-
-    fn decode(bytes: &[u8], name: &str) -> Result<Self, PictureError> {
         let decoded = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png)
             .decode()
-            .map_err(|source| PictureError::Png { name: name.to_owned(), source })?
+            .map_err(|source| PictureError::Png { name: path.display().to_string(), source })?
             .into_rgb8();
         let (width, height) = decoded.dimensions();
         Self::new(width, height, decoded.as_raw().as_chunks().0.to_vec())
@@ -166,7 +154,6 @@ mod tests {
         let file = folder.path().join("picture.png");
         picture().write_png(&file).unwrap();
         assert_eq!(Picture::read_png(&file).unwrap(), picture());
-        assert_eq!(Picture::from_png(&picture().to_png().unwrap()).unwrap(), picture());
     }
 
     #[test]

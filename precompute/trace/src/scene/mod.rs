@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use material::{AlphaMode, SceneMaterial, TextureUse};
+pub(crate) use place::extent;
 pub use place::{Bounds, CameraPose, triple};
 pub use rays::{Hit, RayScene, Side, sphere_directions};
 pub use sky_map::{SkyError, SkyMap};

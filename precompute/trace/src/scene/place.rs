@@ -50,6 +50,11 @@ impl Bounds {
     }
 }
 
+/// Extent of points along each axis; 0 without any.
+pub(crate) fn extent(points: impl Iterator<Item = Vec3>) -> Vec3 {
+    Bounds::around(points).map_or(Vec3::ZERO, |bounds| bounds.size())
+}
+
 /// A camera's position and rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraPose {

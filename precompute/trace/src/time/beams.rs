@@ -24,16 +24,10 @@ pub struct Beams {
     pub radius: f64,
 }
 
-/// Share of its radius and bandwidth that a pass, from 0, leaves to the next.
-fn kept(pass: u32) -> f64 {
-    let j = f64::from(pass) + 1.0;
-    ((j + ALPHA) / (j + 1.0)).sqrt()
-}
-
 /// Share of the first pass's radius and bandwidth that pass number `pass`, from 0, has in
 /// [`beams`] with kernels.
 pub fn narrowing(pass: u32) -> f64 {
-    (0..pass).map(kept).product()
+    (1..=pass).map(f64::from).map(|j| ((j + ALPHA) / (j + 1.0)).sqrt()).product()
 }
 
 /// A film whose kernel is narrower in each pass.
@@ -41,15 +35,13 @@ struct Passes {
     film: Film,
     first: Spread,
     pass: u32,
-    width: f64,
 }
 
 impl Record for Passes {
     fn begin(&mut self, near: f64) {
         if let Spread::Kernel(first) = self.first {
-            self.film.spread = Spread::Kernel(first * self.width);
+            self.film.spread = Spread::Kernel(first * narrowing(self.pass));
         }
-        self.width *= kept(self.pass);
         self.pass += 1;
         self.film.begin(near);
     }
@@ -89,10 +81,10 @@ pub fn beams(
     if !(radius.is_finite() && radius > 0.0) {
         return Err(TimeError::NotPositive);
     }
-    if scene.fog().is_none() {
+    if scene.fog.is_none() {
         return Err(TimeError::NoFog);
     }
-    let film = || Passes { film: Film::new(window, spread), first: spread, pass: 0, width: 1.0 };
+    let film = || Passes { film: Film::new(window, spread), first: spread, pass: 0 };
     let radii: Box<dyn Iterator<Item = f64>> = match spread {
         Spread::Bins => Box::new(radii(radius)),
         Spread::Kernel(_) => Box::new((0..).map(|pass| radius * narrowing(pass))),

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::SPEED_OF_LIGHT;
+use crate::color::color;
 use crate::integrator::path::{Arrival, Record};
 use crate::integrator::render::render_recorded;
 use crate::integrator::{ReferenceScene, Rendering, Settings, View, Watch};
@@ -119,8 +120,8 @@ impl Frames {
         let pixels = self.values.chunks_exact(self.window.frames as usize).zip(&self.outside);
         pixels
             .map(|(frames, outside)| {
-                let sum = frames.iter().fold(DVec3::ZERO, |sum, value| sum + wide(*value));
-                (sum * self.window.duration() + wide(*outside)).as_vec3().to_array()
+                let sum = frames.iter().fold(DVec3::ZERO, |sum, value| sum + color(*value));
+                (sum * self.window.duration() + color(*outside)).as_vec3().to_array()
             })
             .collect()
     }
@@ -208,7 +209,9 @@ pub fn frames(
     watch: Watch,
 ) -> Result<(Rendering, Frames), TimeError> {
     validate(window, spread)?;
-    let (rendering, films) = recorded(scene, view, settings, watch, &|| Film::new(window, spread))?;
+    let film = || Film::new(window, spread);
+    let (rendering, films) =
+        render_recorded(scene, view, settings, watch, &film).ok_or(TimeError::Interrupted)?;
     Ok((rendering, Frames::new(view, window, films.into_iter().map(|film| (film.paths, film)))))
 }
 
@@ -251,21 +254,6 @@ pub fn progressive(
         }
     }
     mean.ok_or(TimeError::Interrupted)
-}
-
-/// The steady image, and a record of each pixel's paths.
-pub(super) fn recorded<R: Record + Send>(
-    scene: &ReferenceScene,
-    view: &View,
-    settings: &Settings,
-    watch: Watch,
-    record: &(dyn Fn() -> R + Sync),
-) -> Result<(Rendering, Vec<R>), TimeError> {
-    render_recorded(scene, view, settings, watch, record).ok_or(TimeError::Interrupted)
-}
-
-fn wide(rgb: [f32; 3]) -> DVec3 {
-    DVec3::from_array(rgb.map(f64::from))
 }
 
 /// A kernel at a distance in time, per second: Perlin's smooth step, 0 beyond `bandwidth`, with the

@@ -9,9 +9,10 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec2;
 
 use super::SPEED_OF_LIGHT;
-use super::film::{TimeError, recorded};
+use super::film::TimeError;
 use crate::color::luminance;
 use crate::integrator::path::{Arrival, Record};
+use crate::integrator::render::render_recorded;
 use crate::integrator::{ReferenceScene, Settings, View, Watch, surfaces};
 
 /// What one path of `length` metres adds to a pixel's phasor, at a modulation `frequency` in hertz.
@@ -111,7 +112,8 @@ pub fn capture(
         sums: [DVec2::ZERO; 2],
         paths: 0,
     };
-    let (_, records) = recorded(scene, view, settings, watch, &empty)?;
+    let (_, records) =
+        render_recorded(scene, view, settings, watch, &empty).ok_or(TimeError::Interrupted)?;
     let pick = |i: usize| -> Vec<DVec2> {
         records.iter().map(|record| record.sums[i] / f64::from(record.paths.max(1))).collect()
     };

@@ -310,7 +310,7 @@ fn distances_are_uniform_in_time() {
 }
 
 #[test]
-fn sampled_distances_and_angles_have_their_densities() {
+fn sampled_distances_have_their_density() {
     let (light, direction) = (DVec3::new(0.7, 0.2, -1.5), DVec3::new(0.1, 0.0, -1.0).normalize());
     let (from, to) = (light.length() + 0.1, 6.0);
     let [nearest, farthest] =
@@ -332,38 +332,6 @@ fn sampled_distances_and_angles_have_their_densities() {
         },
     );
     fit.assert("distances");
-    for (step, sensor) in [(0.25_f64, 1.0_f64), (0.9, 1.0), (1.0, 1.0), (3.0, 1.0)] {
-        let sample = |x| sample_angle(step, sensor, x);
-        let fit = fit_square(
-            [64, 1],
-            |sampler| Some([0.5 - 0.5 * sample(sampler.number())?.cosine, 0.0]),
-            |[height, _]| {
-                let cosine = 1.0 - 2.0 * height;
-                let rest = (step * step + sensor * sensor - 2.0 * step * sensor * cosine).sqrt();
-                let x = (rest - (step - sensor).abs()) / (2.0 * step.min(sensor));
-                sample(x).map_or(0.0, |sample| sample.density * 4.0 * PI)
-            },
-        );
-        fit.assert(&format!("angles of steps of {step}"));
-    }
-}
-
-#[test]
-fn angles_are_a_density_for_short_and_long_steps() {
-    for (step, sensor) in [(0.25, 1.0), (0.5, 1.0), (1.0, 1.0), (3.0, 1.0)] {
-        let (mut last, mut sum, count) = (1.0, 0.0, 20_000);
-        for i in 0..count {
-            let x = (f64::from(i) + 1.0) / f64::from(count);
-            let middle = sample_angle(step, sensor, x - 0.5 / f64::from(count)).unwrap();
-            let cosine = sample_angle(step, sensor, x).unwrap().cosine;
-            sum += middle.density * TAU * (last - cosine);
-            last = cosine;
-        }
-        assert!((sum - 1.0).abs() < 1e-3 && last < -0.999, "{step} {sensor}: {sum} {last}");
-    }
-    for (step, sensor) in [(0.0, 1.0), (1.0, 0.0), (f64::NAN, 1.0), (f64::INFINITY, 1.0)] {
-        assert_eq!(sample_angle(step, sensor, 0.5), None);
-    }
 }
 
 #[test]

@@ -16,7 +16,6 @@ mod mixed;
 mod oracle;
 mod reactive;
 
-use crate::table::CostTable;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::KnobLevels;
 
@@ -26,20 +25,10 @@ pub(super) use mixed::mixed_constants;
 pub(super) use oracle::{Oracle, oracle};
 pub use reactive::{Reactive, ladder};
 
-/// The best settings for `budget` by their mean costs, among those known at every camera of
-/// `table`.
+/// The best settings for `budget` among candidates with their mean costs.
 ///
 /// Under a power budget, the least mean error within it; under an error budget alone, the least
-/// mean power within it. Where no settings meet it, the nearest. `None` for a table without a
-/// complete column.
-pub fn best_constant(
-    table: &CostTable,
-    budget: &ResolvedBudget,
-) -> Option<(KnobLevels, CostPoint)> {
-    best_of(table.means(), budget)
-}
-
-/// The same among arbitrary candidates.
+/// mean power within it. Where no settings meet it, the nearest. `None` without candidates.
 pub(super) fn best_of(
     candidates: impl IntoIterator<Item = (KnobLevels, CostPoint)>,
     budget: &ResolvedBudget,
@@ -66,6 +55,7 @@ mod tests {
     use frugal_core::units::Watts;
 
     use super::*;
+    use crate::table::CostTable;
 
     #[test]
     fn the_best_within_the_budget_or_the_nearest_to_it() {
@@ -85,7 +75,7 @@ mod tests {
         table.set(0, KnobLevels::from_bits(9), CostPoint::new(0.1, 0.0));
         let best = |power: Option<f64>, error| {
             let budget = ResolvedBudget { power_w: power.map(Watts), error, ..Default::default() };
-            best_constant(&table, &budget).map(|(settings, _)| settings.bits())
+            best_of(table.means(), &budget).map(|(settings, _)| settings.bits())
         };
         assert_eq!(
             best(Some(3.5), None),
@@ -101,6 +91,6 @@ mod tests {
         assert_eq!(best(None, Some(0.2)), Some(1));
         assert_eq!(best(None, Some(0.0)), Some(3));
         assert_eq!(best(None, None), Some(3));
-        assert_eq!(best_constant(&CostTable::new(1), &ResolvedBudget::default()), None);
+        assert_eq!(best_of(CostTable::new(1).means(), &ResolvedBudget::default()), None);
     }
 }

@@ -45,7 +45,7 @@ fn the_tree_finds_what_brute_force_finds() {
                 .map(|photon| Photon { position: Vec3::new(0.25, 0.0, 0.25), ..*photon }),
         );
         let map = PhotonMap::new(photons.clone());
-        assert_eq!((map.photons.len(), map.is_empty()), (photons.len(), photons.is_empty()));
+        assert_eq!(map.photons.len(), photons.len());
         for i in 0..50 {
             let [x, z] = Sampler::new(4, i, 0).pair().map(|number| 3.0 * number as f32 - 1.5);
             let place = Vec3::new(x, 0.01, z);
@@ -67,7 +67,7 @@ fn the_tree_finds_what_brute_force_finds() {
         }
     }
     let odd = Photon { position: Vec3::NAN, ..spread(1, 0)[0] };
-    assert!(PhotonMap::new(vec![odd]).is_empty());
+    assert!(PhotonMap::new(vec![odd]).photons.is_empty());
     let map = PhotonMap::new(spread(100, 0));
     assert!(map.nearest(Vec3::NAN, Vec3::Y, 5, 9.0).is_empty());
     assert!(map.nearest(Vec3::ZERO, Vec3::NAN, 5, 9.0).is_empty());
