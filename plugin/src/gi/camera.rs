@@ -6,11 +6,9 @@
 
 use std::sync::Arc;
 
-use bevy::app::{App, Plugin};
 use bevy::camera::visibility::RenderLayers;
 use bevy::ecs::prelude::*;
 use bevy::math::{Affine3A, Mat4};
-use bevy::render::Render;
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
@@ -18,7 +16,6 @@ use bevy::render::view::ExtractedView;
 use super::bounces::BounceCamera;
 use super::emissive::GiEmitters;
 use super::rsm::{LightMap, RsmView};
-use super::schedule::{PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
 use super::sky::{SkyCamera, SkyInputs};
 use super::texels::{TexelRange, TexelRow, TexelStore};
@@ -26,23 +23,12 @@ use super::trace::GiOccluders;
 use super::view::{BufferReuse, GatherCamera, GiFrame, GiRefresh, GiView, HistoryAction, Work};
 use crate::cut::Jumps;
 
-pub(super) struct CameraPlugin;
-
-impl Plugin for CameraPlugin {
-    fn build(&self, _: &mut App) {}
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app.add_systems(Render, prepare.in_set(PrepareSystems::Views));
-    }
-}
-
 /// Sequences of samples that a cache takes one after another, before they repeat.
 const SEQUENCES: u32 = 4096;
 
 /// What a camera's VPLs and its gather depend on, apart from the scene and its [`GiView`].
 #[derive(Component, Clone, Debug, PartialEq)]
-struct ViewInputs {
+pub(super) struct ViewInputs {
     world_from_view: Affine3A,
     clip_from_view: Mat4,
     sky: Option<SkyInputs>,
@@ -52,7 +38,7 @@ struct ViewInputs {
 }
 
 /// Gives every GI camera that has light to gather its [`GiView`], and takes it from the others.
-fn prepare(
+pub(super) fn prepare(
     mut commands: Commands,
     store: Res<TexelStore>,
     (frame, policy, jumps): (Res<GiFrame>, Res<GiRefresh>, Res<Jumps>),

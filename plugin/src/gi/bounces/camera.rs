@@ -155,7 +155,7 @@ impl BounceCamera {
 
 /// Gives every camera with patches its buffers, removes those of others, and decides whether its
 /// patches are due to reflect again.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     mut kernels: ResMut<BounceKernels>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),

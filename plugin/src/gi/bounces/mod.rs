@@ -28,15 +28,15 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::binding_types::{uniform_buffer, uniform_buffer_sized};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 
 use super::compute::{CameraInputs, Kernel, compute_pass, definitions, read, write};
-use super::schedule::{PassSystems, PrepareSystems, SceneSystems, supported_render_app};
+use super::schedule::{PassSystems, SceneSystems};
 use super::sky::SkyCamera;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::{OccluderBuffers, TracedKernel};
@@ -45,7 +45,7 @@ use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
 use camera::LightInputs;
-pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES};
+pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES, prepare};
 use choice::PATCHES;
 pub(super) use choice::Patch;
 pub use patches::GiPatches;
@@ -53,38 +53,26 @@ pub use patches::GiPatches;
 /// Patches of a workgroup of `reflect.wgsl`.
 pub(in crate::gi) const PATCHES_PER_GROUP: usize = 8;
 
-pub(super) struct BouncePlugin;
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "reflect.wgsl");
+    app.init_resource::<GiPatches>()
+        .init_resource::<patches::Surfaces>()
+        .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
+        .add_systems(
+            PostUpdate,
+            // Reads final transforms, visibility and this frame's asset events.
+            patches::update
+                .in_set(SceneSystems::Surfaces)
+                .after(AssetEventSystems)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
+        );
+}
 
-impl Plugin for BouncePlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "reflect.wgsl");
-        app.init_resource::<GiPatches>()
-            .init_resource::<patches::Surfaces>()
-            .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
-            .add_systems(
-                PostUpdate,
-                // Reads final transforms, visibility and this frame's asset events.
-                patches::update
-                    .in_set(SceneSystems::Surfaces)
-                    .after(AssetEventSystems)
-                    .after(TransformSystems::Propagate)
-                    .after(VisibilitySystems::VisibilityPropagate),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<BounceKernels>()
-            .add_systems(
-                Render,
-                (
-                    reserve.in_set(PrepareSystems::Reserve),
-                    camera::prepare.in_set(PrepareSystems::Bounces),
-                ),
-            )
-            .add_systems(Core3d, reflect.in_set(PassSystems::Bounces));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<BounceKernels>()
+        .add_systems(Core3d, reflect.in_set(PassSystems::Bounces));
 }
 
 /// How patches reflect.
@@ -153,7 +141,7 @@ impl BounceKernels {
     }
 }
 
-fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
+pub(super) fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
     store.reserve(TexelRange::Patches, patches.texel_count());
 }
 

@@ -24,49 +24,37 @@ use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 
 use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, read, write};
 use super::gather::{GatherView, ray_definitions};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
 use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
 use super::vpl::VplView;
-pub(super) use view::{CELL_BYTES, CacheSettings, CacheView, samples};
+pub(super) use view::{CELL_BYTES, CacheSettings, CacheView, prepare, samples};
 
-pub(super) struct CachePlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "grid.wgsl");
+    load_shader_library!(app, "table.wgsl");
+    embedded_asset!(app, "place.wgsl");
+    embedded_asset!(app, "light.wgsl");
+}
 
-impl Plugin for CachePlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "grid.wgsl");
-        load_shader_library!(app, "table.wgsl");
-        embedded_asset!(app, "place.wgsl");
-        embedded_asset!(app, "light.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<CacheKernels>()
-            .add_observer(drop_with::<GiView, CacheView>)
-            .add_systems(
-                Render,
-                (
-                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    view::prepare.in_set(PrepareSystems::Cache),
-                ),
-            )
-            .add_systems(Core3d, resolve.in_set(PassSystems::Cache));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<CacheKernels>()
+        .add_observer(drop_with::<GiView, CacheView>)
+        .add_systems(Core3d, resolve.in_set(PassSystems::Cache));
 }
 
 /// The cache's pipelines. They are queued once a camera has a cache.
@@ -139,7 +127,7 @@ impl FromWorld for CacheKernels {
 
 /// Queues the pipelines of cameras that have a cache, and keeps their skies inactive until those that
 /// gather them are compiled.
-fn prepare_pipelines(
+pub(super) fn prepare_pipelines(
     mut kernels: ResMut<CacheKernels>,
     cache: Res<PipelineCache>,
     occluders: Res<OccluderBuffers>,

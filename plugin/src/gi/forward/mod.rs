@@ -35,72 +35,58 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::texture::GpuImage;
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
+use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
 use super::compute::{Kernel, compute_pass, drop_with, read, write};
-use super::schedule::{
-    GiSystems, PassSystems, PrepareSystems, SceneSystems, is_not_off, supported_render_app,
-};
+use super::schedule::{GiSystems, PassSystems, SceneSystems, is_not_off};
 use super::settings::FrugalGi;
 use super::sky::SkyCamera;
 use super::trace::{OccluderBuffers, TracedKernel};
 use super::view::GiView;
 use super::vpl::VplView;
-pub(super) use view::{ForwardView, LOOKS, PROBE_BYTES, RAYS, VolumeSettings};
+pub(super) use view::{ForwardView, LOOKS, PROBE_BYTES, RAYS, VolumeSettings, prepare};
 pub(super) use volume::{ForwardCamera, PLACES};
 
-pub(super) struct ForwardPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "probe.wgsl");
+    embedded_asset!(app, "light.wgsl");
+    app.init_resource::<volume::ForwardDrawn>()
+        .add_observer(drop_with::<FrugalGi, ForwardCamera>)
+        .add_observer(volume::despawn)
+        .add_systems(
+            PostUpdate,
+            (
+                volume::place.in_set(SceneSystems::Maps),
+                volume::show_to_its_camera
+                    .after(VisibilitySystems::CheckVisibility)
+                    .run_if(is_not_off),
+            ),
+        );
+}
 
-impl Plugin for ForwardPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "probe.wgsl");
-        embedded_asset!(app, "light.wgsl");
-        app.init_resource::<volume::ForwardDrawn>()
-            .add_observer(drop_with::<FrugalGi, ForwardCamera>)
-            .add_observer(volume::despawn)
-            .add_systems(
-                PostUpdate,
-                (
-                    volume::place.in_set(SceneSystems::Maps),
-                    volume::show_to_its_camera
-                        .after(VisibilitySystems::CheckVisibility)
-                        .run_if(is_not_off),
-                ),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let drawn = app.world().resource::<volume::ForwardDrawn>().clone();
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .insert_resource(drawn)
-            .init_gpu_resource::<ForwardKernels>()
-            .add_observer(drop_with::<GiView, ForwardView>)
-            .add_systems(ExtractSchedule, volume::extract)
-            .add_systems(
-                Render,
-                (
-                    volume::note_drawn.in_set(RenderSystems::PhaseSort),
-                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    view::prepare.in_set(PrepareSystems::Forward),
-                ),
-            )
-            .add_systems(
-                Core3d,
-                (
-                    light.in_set(PassSystems::Forward),
-                    fill.in_set(Core3dSystems::MainPass)
-                        .after(GiSystems::Composite)
-                        .before(main_opaque_pass_3d),
-                ),
-            );
-    }
+pub(super) fn finish(app: &mut App) {
+    let drawn = app.world().resource::<volume::ForwardDrawn>().clone();
+    app.sub_app_mut(RenderApp)
+        .insert_resource(drawn)
+        .init_gpu_resource::<ForwardKernels>()
+        .add_observer(drop_with::<GiView, ForwardView>)
+        .add_systems(ExtractSchedule, volume::extract)
+        .add_systems(Render, volume::note_drawn.in_set(RenderSystems::PhaseSort))
+        .add_systems(
+            Core3d,
+            (
+                light.in_set(PassSystems::Forward),
+                fill.in_set(Core3dSystems::MainPass)
+                    .after(GiSystems::Composite)
+                    .before(main_opaque_pass_3d),
+            ),
+        );
 }
 
 /// The pipelines. They are queued once a camera has a volume.
 #[derive(Resource)]
-struct ForwardKernels {
+pub(super) struct ForwardKernels {
     light: TracedKernel,
     sky: TracedKernel,
     fill: Kernel,
@@ -171,7 +157,7 @@ pub(super) fn write_places(
 }
 
 /// Queues the pipelines of cameras that have a volume.
-fn prepare_pipelines(
+pub(super) fn prepare_pipelines(
     mut kernels: ResMut<ForwardKernels>,
     cache: Res<PipelineCache>,
     occluders: Res<OccluderBuffers>,

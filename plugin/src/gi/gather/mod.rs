@@ -4,6 +4,7 @@ use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
@@ -11,12 +12,11 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::texture::CachedTexture;
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{ShaderDefVal, load_shader_library};
 use bytemuck::{Pod, Zeroable};
 
 use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, filled_buffer, read};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
 use super::trace::{OccluderBuffers, TracedKernel};
@@ -26,27 +26,15 @@ use super::vpl::VplView;
 /// Label of irradiance textures.
 const IRRADIANCE: &str = "frugal_gi/gather/irradiance";
 
-pub(super) struct GatherPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "gather.wgsl");
+}
 
-impl Plugin for GatherPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "gather.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<GatherKernels>()
-            .add_observer(drop_with::<GiView, GatherView>)
-            .add_systems(
-                Render,
-                (
-                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    prepare.in_set(PrepareSystems::Gather),
-                ),
-            )
-            .add_systems(Core3d, gather.in_set(PassSystems::Gather));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<GatherKernels>()
+        .add_observer(drop_with::<GiView, GatherView>)
+        .add_systems(Core3d, gather.in_set(PassSystems::Gather));
 }
 
 /// Pipelines without a sky and alpha masks are queued from the beginning, others once a camera needs
@@ -109,7 +97,7 @@ impl FromWorld for GatherKernels {
 }
 
 /// Queues the pipelines that cameras need, and keeps a sky inactive until its own is compiled.
-fn prepare_pipelines(
+pub(super) fn prepare_pipelines(
     mut kernels: ResMut<GatherKernels>,
     cache: Res<PipelineCache>,
     occluders: Res<OccluderBuffers>,
@@ -268,7 +256,7 @@ pub(super) fn texture_bytes(texture: &CachedTexture) -> u64 {
 }
 
 /// Gives every view its irradiance texture and its settings.
-fn prepare(
+pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -32,7 +32,7 @@ const MAX_EDGE: u32 = 64;
 
 /// What replaces diffuse maps. What no camera has any more is dropped.
 #[derive(Resource, Default)]
-pub(super) struct Cubes {
+pub(in crate::gi) struct Cubes {
     black: Option<Texture>,
     /// Black cubes by the map that each replaces: the same texture, but each with that map's sampler,
     /// since Bevy samples the specular map with it, too.
@@ -57,7 +57,7 @@ type SkyViews = (
     &'static mut RenderViewLightProbes<EnvironmentMapLight>,
 );
 
-pub(super) fn take_out_diffuse(
+pub(in crate::gi) fn take_out_diffuse(
     mut cubes: ResMut<Cubes>,
     mut images: ResMut<RenderAssets<GpuImage>>,
     device: Res<RenderDevice>,

@@ -4,16 +4,15 @@
 //! Light sources reserve a [range](TexelRange) each, in every frame, and write their texels into
 //! it. A camera samples the [rows](TexelRow) of those ranges that light it.
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, SubApp};
 use bevy::ecs::prelude::*;
 use bevy::math::Vec3;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 use bytemuck::{Pod, Zeroable};
 
-use super::schedule::{PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
 
 /// Bytes of a [`Texel`]. A test compares it with the shader.
@@ -94,23 +93,16 @@ impl TexelStore {
     }
 }
 
-pub(super) struct TexelPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "texels.wgsl");
+}
 
-impl Plugin for TexelPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "texels.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<TexelStore>()
-            .add_systems(Render, allocate.in_set(PrepareSystems::Texels));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app.init_gpu_resource::<TexelStore>();
 }
 
 /// Resizes the buffer to the reserved texels, and drops it where there are none.
-fn allocate(
+pub(super) fn allocate(
     mut store: ResMut<TexelStore>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -180,7 +180,7 @@ pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<O
 }
 
 /// Uploads changes to the GPU; drops all buffers while no camera traces rays.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut buffers: ResMut<OccluderBuffers>,
     occluders: Res<GiOccluders>,
     store: Res<TexelStore>,

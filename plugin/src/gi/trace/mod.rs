@@ -32,14 +32,14 @@ mod wide;
 
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::{BindGroupLayoutEntry, ComputePipeline, PipelineCache};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{ShaderDefVal, load_shader_library};
 
 use super::compute::Kernel;
-use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
-pub(super) use buffers::{OccluderBuffers, missing_bytes};
+use super::schedule::SceneSystems;
+pub(super) use buffers::{OccluderBuffers, missing_bytes, prepare};
 pub use occluders::GiOccluders;
 pub(super) use wide::MAX_LEVELS;
 
@@ -51,31 +51,25 @@ pub(super) const STRUCT_BYTES: [(&str, u64); 4] = [
     ("Triangle", size_of::<mesh::TriangleWords>() as u64),
 ];
 
-pub(super) struct TracePlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "trace.wgsl");
+    app.init_resource::<GiOccluders>()
+        .init_resource::<occluders::OccluderScene>()
+        .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
+        .add_systems(
+            PostUpdate,
+            // Reads final transforms and visibility.
+            occluders::update
+                .in_set(SceneSystems::Surfaces)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
+        );
+}
 
-impl Plugin for TracePlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "trace.wgsl");
-        app.init_resource::<GiOccluders>()
-            .init_resource::<occluders::OccluderScene>()
-            .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
-            .add_systems(
-                PostUpdate,
-                // Reads final transforms and visibility.
-                occluders::update
-                    .in_set(SceneSystems::Surfaces)
-                    .after(TransformSystems::Propagate)
-                    .after(VisibilitySystems::VisibilityPropagate),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<OccluderBuffers>()
-            .add_systems(ExtractSchedule, buffers::extract)
-            .add_systems(Render, buffers::prepare.in_set(PrepareSystems::Trace));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<OccluderBuffers>()
+        .add_systems(ExtractSchedule, buffers::extract);
 }
 
 /// A kernel that traces. Its pipelines test alpha masks only in scenes that have any.
