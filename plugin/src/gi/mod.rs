@@ -31,7 +31,7 @@ mod bounces;
 mod cache;
 mod camera;
 mod composite;
-mod compute;
+pub(crate) mod compute;
 mod denoise;
 mod diagnostics;
 mod emissive;
