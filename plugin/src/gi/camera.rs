@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use bevy::camera::visibility::RenderLayers;
 use bevy::ecs::prelude::*;
-use bevy::math::{Affine3A, Mat4};
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
@@ -29,8 +28,6 @@ const SEQUENCES: u32 = 4096;
 /// What a camera's VPLs and its gather depend on, apart from the scene and its [`GiView`].
 #[derive(Component, Clone, Debug, PartialEq)]
 pub(super) struct ViewInputs {
-    world_from_view: Affine3A,
-    clip_from_view: Mat4,
     sky: Option<SkyInputs>,
     /// Whether the occluders were collected. In the frame in which an app switches rays on, they
     /// may not be yet.
@@ -95,12 +92,7 @@ pub(super) fn prepare(
             relit: false,
             history: HistoryAction::Begins,
         };
-        let inputs = ViewInputs {
-            world_from_view: view.world_from_view.affine(),
-            clip_from_view: view.clip_from_view,
-            sky,
-            has_occluders: occluders.is_kept(),
-        };
+        let inputs = ViewInputs { sky, has_occluders: occluders.is_kept() };
         let Some((mut held, mut held_inputs)) = held else {
             commands.entity(entity).insert((next, inputs));
             continue;
@@ -111,10 +103,7 @@ pub(super) fn prepare(
         }
         let reuse = held.reuse(&next);
         let switched = held.gi != next.gi || held_inputs.sky != inputs.sky;
-        let moved = switched
-            || *held_inputs != inputs
-            || held.camera.exposure != next.camera.exposure
-            || is_cut;
+        let moved = switched || *held_inputs != inputs || held.camera != next.camera || is_cut;
         if reuse != BufferReuse::Empty {
             let changed = moved || reuse == BufferReuse::LaidOut;
             next.work = held.work.next(

@@ -27,6 +27,7 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::prelude::*;
+use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
     texture_storage_3d, uniform_buffer, uniform_buffer_sized,
@@ -52,6 +53,7 @@ pub(super) fn build(app: &mut App) {
     load_shader_library!(app, "probe.wgsl");
     embedded_asset!(app, "light.wgsl");
     app.init_resource::<volume::ForwardDrawn>()
+        .add_plugins(ExtractComponentPlugin::<ForwardCamera>::default())
         .add_observer(drop_with::<FrugalGi, ForwardCamera>)
         .add_observer(volume::despawn)
         .add_systems(
@@ -71,7 +73,6 @@ pub(super) fn finish(app: &mut App) {
         .insert_resource(drawn)
         .init_gpu_resource::<ForwardKernels>()
         .add_observer(drop_with::<GiView, ForwardView>)
-        .add_systems(ExtractSchedule, volume::extract)
         .add_systems(Render, volume::note_drawn.in_set(RenderSystems::PhaseSort))
         .add_systems(
             Core3d,
