@@ -19,7 +19,7 @@ use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, filled_buffe
 use super::schedule::PassSystems;
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
-use super::trace::{OccluderBuffers, TracedKernel};
+use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::VplView;
 
@@ -37,18 +37,12 @@ pub(super) fn finish(render_app: &mut SubApp) {
         .add_systems(Core3d, gather.in_set(PassSystems::Gather));
 }
 
-/// Pipelines without a sky and alpha masks are queued from the beginning, others once a camera needs
-/// them.
+/// Pipelines without a sky are queued from the beginning, others once a camera needs them.
 #[derive(Resource)]
 pub(super) struct GatherKernels {
     without_rays: Kernel,
-    /// With few rays, and with many; each without a sky and with one.
-    traced: [[TracedKernel; 2]; 2],
-}
-
-/// Index of the kernels for so many rays.
-fn index(visibility: GiVisibility) -> usize {
-    usize::from(visibility == GiVisibility::Fine)
+    /// Without a sky and with one.
+    traced: [Kernel; 2],
 }
 
 /// Definitions of a gather that traces.
@@ -79,38 +73,30 @@ impl FromWorld for GatherKernels {
         let with_sky = [&*without_sky, &*sky].concat();
         let (label, entry_point) = ("frugal_gi/gather", "gather_vpls");
         let shader = load_embedded_asset!(world, "gather.wgsl");
-        let traced = |visibility| {
-            [(false, &without_sky[..]), (true, &with_sky[..])].map(|(has_sky, entries)| {
-                let definitions = ray_definitions(visibility, has_sky);
-                TracedKernel::new(label, entry_point, &shader, entries, definitions)
-            })
-        };
-        let mut kernels = Self {
-            without_rays: Kernel::new(label, entry_point, &shader, &without_sky),
-            traced: [GiVisibility::Coarse, GiVisibility::Fine].map(traced),
-        };
+        let kernel =
+            |entries: &[BindGroupLayoutEntry]| Kernel::new(label, entry_point, &shader, entries);
+        let [traced, traced_by_sky] = [&without_sky[..], &with_sky[..]]
+            .map(|entries| kernel(entries).with_group(OccluderBuffers::layout()));
         let cache = world.resource::<PipelineCache>();
-        kernels.without_rays.queue(cache, Vec::new());
-        kernels.traced.iter_mut().for_each(|[without_sky, _]| without_sky.queue(cache, false));
-        kernels
+        let variants = [GiVisibility::Coarse, GiVisibility::Fine];
+        let variants = variants.map(|visibility| ray_definitions(visibility, false));
+        Self {
+            without_rays: kernel(&without_sky).queued(cache, [vec![]]),
+            traced: [traced.queued(cache, variants), traced_by_sky],
+        }
     }
 }
 
-/// Queues the pipelines that cameras need, and keeps a sky inactive until its own is compiled.
+/// Queues the pipelines that cameras need for a sky, and keeps it inactive until they are compiled.
 pub(super) fn prepare_pipelines(
     mut kernels: ResMut<GatherKernels>,
     cache: Res<PipelineCache>,
-    occluders: Res<OccluderBuffers>,
-    mut cameras: Query<(&FrugalGi, Option<&mut SkyCamera>)>,
+    mut cameras: Query<(&FrugalGi, &mut SkyCamera)>,
 ) {
-    for (gi, sky) in cameras.iter_mut().filter(|(gi, _)| gi.traces()) {
-        let [without_sky, with_sky] = &mut kernels.traced[index(gi.visibility)];
-        // The sky may be inactive.
-        without_sky.queue(&cache, occluders.are_masked());
-        if let Some(mut sky) = sky {
-            with_sky.queue(&cache, occluders.are_masked());
-            sky.is_active &= with_sky.get(&cache, false).is_some();
-        }
+    for (gi, mut sky) in cameras.iter_mut().filter(|(gi, _)| gi.traces()) {
+        let definitions = ray_definitions(gi.visibility, true);
+        kernels.traced[1].queue(&cache, definitions.clone());
+        sky.is_active &= kernels.traced[1].get(&cache, &definitions).is_some();
     }
 }
 
@@ -136,13 +122,14 @@ pub(super) fn gather(
     }
     let sky = sky.filter(|_| view.sky_samples > 0);
     let is_traced = view.gi.visibility != GiVisibility::None;
-    let (kernel, pipeline) = if is_traced {
-        let traced = &kernels.traced[index(view.gi.visibility)][usize::from(sky.is_some())];
-        (&traced.kernel, traced.get(&cache, occluders.are_masked()))
+    let (kernel, definitions) = if is_traced {
+        let traced = &kernels.traced[usize::from(sky.is_some())];
+        (traced, ray_definitions(view.gi.visibility, sky.is_some()))
     } else {
-        (&kernels.without_rays, kernels.without_rays.get(&cache, &[]))
+        (&kernels.without_rays, Vec::new())
     };
-    let (Some(camera), Some(pipeline)) = (CameraInputs::new(prepass, &view_uniforms), pipeline)
+    let (Some(camera), Some(pipeline)) =
+        (CameraInputs::new(prepass, &view_uniforms), kernel.get(&cache, &definitions))
     else {
         return;
     };

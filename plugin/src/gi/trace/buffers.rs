@@ -9,7 +9,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use super::bvh::Node;
 use super::mesh::{Instance, TriangleWords};
 use super::mirror::Upload;
-use super::occluders::{GiOccluders, OccluderScene};
+use super::occluders::OccluderScene;
 use super::wide::WideNode;
 use crate::gi::compute::empty_buffer;
 use crate::gi::settings::FrugalGi;
@@ -93,7 +93,6 @@ pub(in crate::gi) struct OccluderBuffers {
     /// In the order of the bindings.
     arrays: [ArrayBuffer; 4],
     bind_group: Option<BindGroup>,
-    are_masked: bool,
     uploaded: u64,
 }
 
@@ -134,11 +133,6 @@ impl OccluderBuffers {
     /// Group 1, while a camera traces.
     pub(crate) fn bind_group(&self) -> Option<&BindGroup> {
         self.bind_group.as_ref()
-    }
-
-    /// Whether any triangle has holes, which shaders test only where MASKS is defined.
-    pub(crate) fn are_masked(&self) -> bool {
-        self.are_masked
     }
 
     /// The buffers of group 1, in the order of its bindings.
@@ -182,7 +176,6 @@ pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<O
 /// Uploads changes to the GPU; drops all buffers while no camera traces rays.
 pub(in crate::gi) fn prepare(
     mut buffers: ResMut<OccluderBuffers>,
-    occluders: Res<GiOccluders>,
     store: Res<TexelStore>,
     cameras: Query<(&FrugalGi, Has<SkySource>)>,
     device: Res<RenderDevice>,
@@ -197,11 +190,10 @@ pub(in crate::gi) fn prepare(
         store.texels.is_some() || has_sky && gi.environment_samples > 0
     };
     if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
-        (buffers.bind_group, buffers.are_masked) = (None, false);
+        buffers.bind_group = None;
         buffers.arrays.iter_mut().for_each(ArrayBuffer::drop_buffer);
         return;
     }
-    buffers.are_masked = occluders.is_masked;
     // No binding may be empty; behind a node that no ray intersects, nothing is read.
     let nothing = [0_u8; 64];
     for (index, array) in buffers.arrays.iter_mut().enumerate() {

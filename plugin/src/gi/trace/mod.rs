@@ -34,10 +34,8 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
 use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_resource::ExtractResourcePlugin;
-use bevy::render::render_resource::{BindGroupLayoutEntry, ComputePipeline, PipelineCache};
-use bevy::shader::{ShaderDefVal, load_shader_library};
+use bevy::shader::load_shader_library;
 
-use super::compute::Kernel;
 use super::schedule::SceneSystems;
 pub(super) use buffers::{OccluderBuffers, missing_bytes, prepare};
 pub use occluders::GiOccluders;
@@ -70,47 +68,4 @@ pub(super) fn finish(render_app: &mut SubApp) {
     render_app
         .init_gpu_resource::<OccluderBuffers>()
         .add_systems(ExtractSchedule, buffers::extract);
-}
-
-/// A kernel that traces. Its pipelines test alpha masks only in scenes that have any.
-pub(super) struct TracedKernel {
-    pub(super) kernel: Kernel,
-    /// Without and with masks.
-    definitions: [Vec<ShaderDefVal>; 2],
-}
-
-impl TracedKernel {
-    /// `entries`: of bind group 0; group 1 has the occluders.
-    pub(super) fn new(
-        label: &'static str,
-        entry_point: &'static str,
-        shader: &Handle<Shader>,
-        entries: &[BindGroupLayoutEntry],
-        definitions: Vec<ShaderDefVal>,
-    ) -> Self {
-        let kernel = Kernel::new(label, entry_point, shader, entries);
-        let masked = [&*definitions, &["MASKS".into()]].concat();
-        let kernel = kernel.with_group(OccluderBuffers::layout());
-        Self { kernel, definitions: [definitions, masked] }
-    }
-
-    /// Queues the pipeline that treats all triangles as solid, and the one that tests masks where there
-    /// are any, unless they were before.
-    pub(super) fn queue(&mut self, cache: &PipelineCache, has_masks: bool) {
-        for definitions in &self.definitions[..=usize::from(has_masks)] {
-            self.kernel.queue(cache, definitions.clone());
-        }
-    }
-
-    /// The pipeline that tests masks, or the other one, if it is compiled; until then, the one that
-    /// treats all triangles as solid.
-    pub(super) fn get<'a>(
-        &self,
-        cache: &'a PipelineCache,
-        has_masks: bool,
-    ) -> Option<&'a ComputePipeline> {
-        let compiled =
-            |has_masks| self.kernel.get(cache, &self.definitions[usize::from(has_masks)]);
-        compiled(has_masks).or_else(|| compiled(false))
-    }
 }
