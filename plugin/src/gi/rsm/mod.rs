@@ -17,7 +17,7 @@
 //! | `specs` | main | the maps that should exist |
 //! | `map` | both | a map's data, and where its texels lie |
 //! | `views` | main | keeps a hidden camera for each map |
-//! | `changes`, `extent` | main | where the scene changed, what a map can show, the box around all |
+//! | `changes`, `extent` | main | where the scene changed, where meshes are, the box around all |
 //! | `refresh` | main | which maps are rendered in a frame |
 //! | `drawn` | main | which meshes a map draws |
 //! | `resolve` | render | turns a map's G-buffer into texels |
