@@ -152,20 +152,6 @@ impl OccluderBuffers {
     }
 }
 
-/// Bytes that a renderer with room for everything would upload, if it last did so at the versions
-/// `held`; they become the current ones.
-pub(in crate::gi) fn missing_bytes(world: &World, held: &mut [u64; 4]) -> u64 {
-    let Some(scene) = world.get_resource::<OccluderScene>() else { return 0 };
-    let mut bytes = 0;
-    for (array, held) in held.iter_mut().enumerate() {
-        if let Some(upload) = missing(scene, array, *held, usize::MAX) {
-            *held = upload.version;
-            bytes += upload.pieces.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
-        }
-    }
-    bytes
-}
-
 /// Takes what changed out of the main world.
 pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<OccluderScene>>) {
     for (array, buffer) in buffers.arrays.iter_mut().enumerate() {

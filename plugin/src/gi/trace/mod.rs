@@ -37,7 +37,7 @@ use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::shader::load_shader_library;
 
 use super::schedule::SceneSystems;
-pub(super) use buffers::{OccluderBuffers, missing_bytes, prepare};
+pub(super) use buffers::{OccluderBuffers, prepare};
 pub use occluders::GiOccluders;
 pub(super) use wide::MAX_LEVELS;
 
