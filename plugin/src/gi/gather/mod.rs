@@ -168,8 +168,6 @@ pub(super) struct GatherView {
     /// That of the frame before, of views that filter. It may have another resolution.
     pub previous: Option<CachedTexture>,
     pub settings: Buffer,
-    /// The content of `settings`.
-    made_for: GatherSettings,
 }
 
 impl GatherView {
@@ -259,14 +257,10 @@ pub(super) fn prepare(
                 irradiance: irradiance_texture(&device, IRRADIANCE, view.cells()),
                 previous: None,
                 settings: filled_buffer(&device, label, bytes, usage),
-                made_for: settings,
             });
             continue;
         };
-        if held.made_for != settings {
-            queue.write_buffer(&held.settings, 0, bytes);
-            held.made_for = settings;
-        }
+        queue.write_buffer(&held.settings, 0, bytes);
         // Those that filter swap textures when their history advances.
         if !view.gi.filters() {
             held.previous = None;

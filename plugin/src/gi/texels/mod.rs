@@ -13,6 +13,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::shader::load_shader_library;
 use bytemuck::{Pod, Zeroable};
 
+use super::compute::empty_buffer;
 use super::settings::FrugalGi;
 
 /// Bytes of a [`Texel`]. A test compares it with the shader.
@@ -120,12 +121,8 @@ pub(super) fn allocate(
     if store.texels.as_ref().is_some_and(|old| old.size() == size) {
         return;
     }
-    let new = device.create_buffer(&BufferDescriptor {
-        label: Some("frugal_gi/texels"),
-        size,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
+    let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+    let new = empty_buffer(&device, "frugal_gi/texels", size, usage);
     // Keeps the maps' texels, which stay in place while ranges grow or shrink, so that the maps need
     // not be rendered again.
     if let Some(old) = store.texels.as_ref().filter(|_| kept > 0) {

@@ -2,7 +2,6 @@
 
 use bevy::ecs::prelude::*;
 use bevy::render::Extract;
-use bevy::render::render_resource::binding_types::storage_buffer_read_only_sized;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
@@ -11,7 +10,7 @@ use super::mesh::{Instance, TriangleWords};
 use super::mirror::Upload;
 use super::occluders::OccluderScene;
 use super::wide::WideNode;
-use crate::gi::compute::empty_buffer;
+use crate::gi::compute::{empty_buffer, read};
 use crate::gi::settings::FrugalGi;
 use crate::gi::texels::TexelStore;
 use crate::gi::view::SkySource;
@@ -122,7 +121,6 @@ impl OccluderBuffers {
     /// Layout of group 1. Not a field of the resource, since the renderer creates resources in no
     /// particular order.
     pub(crate) fn layout() -> BindGroupLayoutDescriptor {
-        let read = || storage_buffer_read_only_sized(false, None);
         let entries = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
             (read(), read(), read(), read()),
