@@ -3,7 +3,9 @@
 //
 // Every stratum's importance includes visibility, which bounced light has by tiles alone
 // (`vpl/weigh.wgsl`). Indoors nearly all of the sky is occluded, and nearly all samples without
-// visibility would be wasted; and the sky has few strata, so that a few thousand rays suffice.
+// visibility would be wasted; and the sky has few strata, so that a few thousand rays suffice. They take
+// no holes of alpha masks (SOLID): importance is a guess.
+#define SOLID
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}

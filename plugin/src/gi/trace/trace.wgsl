@@ -96,6 +96,11 @@ fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
     return near <= far * 1.0000004;
 }
 
+#ifdef SOLID
+fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
+    return true;
+}
+#else
 /// Whether a triangle is opaque at the barycentric weights of its second and third corner.
 fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
     let across = second * 8.0;
@@ -107,6 +112,7 @@ fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
     let micro_triangle = row * (15u - row) + u32(along) + u32(across + along);
     return (select(triangle.map_low, triangle.map_high, micro_triangle >= 32u) >> (micro_triangle & 31u) & 1u) == 1u;
 }
+#endif
 
 #ifdef FACING
 /// Of triangles, 1: their fronts count; -1: their backs; 0: both.
