@@ -166,13 +166,13 @@ fn resolve_cells(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
         return;
     }
     let pixel = representative(id.xy, vec2(settings.cell_width, settings.cell_height), image_size(view.viewport));
-    let shown = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
-    if shown.depth == 0.0 {
+    let here = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
+    if here.depth == 0.0 {
         textureStore(irradiance, id.xy, vec4(0.0));
         return;
     }
-    let position = shown.position;
-    let normal = shown.normal;
+    let position = here.position;
+    let normal = here.normal;
     let level = level_at(apparent_distance(view.clip_from_view, distance(position, view.world_position)));
     let spot = spot_of(position - settings.origin, normal);
     var sums = array<vec4<f32>, LEVELS>();
