@@ -14,7 +14,7 @@ use bevy::mesh::{Mesh, Meshable};
 use bevy::prelude::{Cuboid, Sphere};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
-use bevy_frugal_gi::gi::inspect::{self, GiPass, RepeatedPass};
+use bevy_frugal_gi::gi::inspect::{self, PASSES, RepeatedPass};
 use frugal::scene::CameraPath;
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
@@ -284,17 +284,17 @@ fn passes(options: &Arguments) {
         let method = method.with("gi_environment_samples=16").with("gi_bounces=2");
         method.radiance(&mut stage);
         stage.world_mut().insert_resource(GiRefresh::EveryFrame);
-        let mut read = |method: &Method, pass: Option<GiPass>| {
+        let mut read = |method: &Method, pass: Option<&'static str>| {
             method.apply(&mut stage);
             stage.world_mut().insert_resource(RepeatedPass(pass));
             (0..3).for_each(|_| stage.frame());
             Clock::suitable().frames_ms(&mut stage, readings(options).frames)
         };
-        let (mut gains, mut whole) = (vec![Vec::new(); GiPass::ALL.len()], Vec::new());
+        let (mut gains, mut whole) = (vec![Vec::new(); PASSES.len()], Vec::new());
         for _ in 0..readings(options).rounds {
             let once = read(&method, None);
             whole.push(once - read(&Method::none(), None));
-            for (pass, gains) in GiPass::ALL.into_iter().zip(&mut gains) {
+            for (pass, gains) in PASSES.into_iter().zip(&mut gains) {
                 gains.push(read(&method, Some(pass)) - once);
             }
         }
@@ -308,10 +308,10 @@ fn passes(options: &Arguments) {
                 format!("{:.0} %", 100.0 * cost / whole),
             ]);
         };
-        for (pass, gains) in GiPass::ALL.into_iter().zip(gains) {
+        for (pass, gains) in PASSES.into_iter().zip(gains) {
             let cost = median(gains);
             rest -= cost;
-            row(pass.name(), cost);
+            row(pass, cost);
         }
         row("the rest: maps' G-buffers, occluders", rest);
         row("all", whole);

@@ -4,8 +4,8 @@
 //! are the tenth part: `make bench BENCH=main_thread ARGS='still 0 1000'`
 //!
 //! Each case has two apps without a renderer, one with GI and one without, that are updated in turn.
-//! Printed are the medians of both, the median of the differences with the range that holds half of
-//! them, and what a frame uploads of occluders.
+//! Printed are the medians of both, and the median of the differences with the range that holds half of
+//! them.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -35,7 +35,6 @@ use bevy::window::WindowPlugin;
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::FrugalGi;
-use bevy_frugal_gi::gi::inspect::UploadMeter;
 use frugal_tests::cost::{median, quantile};
 
 /// Number of meshes where none is given.
@@ -215,16 +214,16 @@ fn main() {
         counts.push(MESHES);
     }
     println!("milliseconds per update, medians of {UPDATES}");
-    println!("  meshes            without     with  GI adds  half of the differences, uploaded");
+    println!("  meshes            without     with  GI adds  half of the differences");
     for (count, (name, case)) in
         counts.into_iter().flat_map(|count| cases.iter().map(move |case| (count, *case)))
     {
-        let (times, kib) = compare(case, count);
+        let times = compare(case, count);
         let differences = times[2].clone();
         let [without, with, added] =
             times.map(|mut times| [0.25, 0.5, 0.75].map(|share| quantile(&mut times, share)));
         println!(
-            "{count:8} {name:8} {:8.3} {:8.3} {:8.3}  {:.3} to {:.3}, {kib:.1} KiB",
+            "{count:8} {name:8} {:8.3} {:8.3} {:8.3}  {:.3} to {:.3}",
             without[1], with[1], added[1], added[0], added[2]
         );
         if matches!(case, Case::Burst) {
@@ -240,13 +239,10 @@ fn main() {
     }
 }
 
-/// Times of updates without GI, with it, and their differences, milliseconds; and the median of what a
-/// frame uploads, KiB.
-fn compare(case: Case, count: usize) -> ([Vec<f64>; 3], f64) {
+/// Times of updates without GI, with it, and their differences, milliseconds.
+fn compare(case: Case, count: usize) -> [Vec<f64>; 3] {
     let (mut without, mut with) = (crowd(case, count, false), crowd(case, count, true));
     let mut times = [const { Vec::new() }; 3];
-    let (mut meter, mut bytes) = (UploadMeter::default(), Vec::new());
-    meter.bytes(with.world());
     for update in 0..UPDATES {
         let (before, after) = if update % 2 == 0 {
             let before = timed(&mut without);
@@ -258,7 +254,6 @@ fn compare(case: Case, count: usize) -> ([Vec<f64>; 3], f64) {
         for (times, time) in times.iter_mut().zip([before, after, after - before]) {
             times.push(time);
         }
-        bytes.push(meter.bytes(with.world()) as f64 / 1024.0);
     }
-    (times, median(bytes))
+    times
 }

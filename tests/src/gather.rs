@@ -46,7 +46,7 @@ impl Gather {
         let (defs, groups) = if rays == 0 {
             (vec![], &both[..1])
         } else {
-            (vec![ShaderDefVal::UInt("RAYS".into(), rays), "MASKS".into()], &both[..])
+            (vec![ShaderDefVal::UInt("RAYS".into(), rays)], &both[..])
         };
         Self {
             kernel: Kernel::with_groups(

@@ -5,12 +5,9 @@ use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::core_pipeline::upscaling::upscaling;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_asset::RenderAssets;
-use bevy::render::render_resource::binding_types::{
-    sampler, storage_buffer_sized, texture_2d, uniform_buffer,
-};
+use bevy::render::render_resource::binding_types::{sampler, texture_2d, uniform_buffer};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::storage::{GpuShaderBuffer, ShaderBuffer};
@@ -19,6 +16,7 @@ use bevy::render::view::ViewTarget;
 use bevy::render::{GpuResourceAppExt, RenderApp};
 
 use super::ErrorProbe;
+use crate::gi::compute::{Kernel, compute_pass, write};
 use crate::resolution::ScaledView;
 
 /// Pixels of a window of SSIM along a side: a part must be wider.
@@ -119,10 +117,8 @@ struct ComparedPart {
 /// Its pipeline is queued with the first probe.
 #[derive(Resource)]
 struct ComparePipeline {
-    layout: BindGroupLayoutDescriptor,
-    shader: Handle<Shader>,
+    kernel: Kernel,
     sampler: Sampler,
-    pipeline: Option<CachedComputePipelineId>,
 }
 
 impl FromWorld for ComparePipeline {
@@ -135,7 +131,7 @@ impl FromWorld for ComparePipeline {
                 sampler(SamplerBindingType::Filtering),
                 image(),
                 uniform_buffer::<ComparedPart>(false),
-                storage_buffer_sized(false, None),
+                write(),
             ),
         );
         let sampler = world.resource::<RenderDevice>().create_sampler(&SamplerDescriptor {
@@ -144,12 +140,9 @@ impl FromWorld for ComparePipeline {
             mag_filter: FilterMode::Linear,
             ..default()
         });
-        Self {
-            layout: BindGroupLayoutDescriptor::new("frugal_gi/error_meter", &entries),
-            shader: load_embedded_asset!(world, "compare.wgsl"),
-            sampler,
-            pipeline: None,
-        }
+        let shader = load_embedded_asset!(world, "compare.wgsl");
+        let kernel = Kernel::new("frugal_gi/error_meter", "compare", &shader, &entries);
+        Self { kernel, sampler }
     }
 }
 
@@ -187,17 +180,9 @@ fn compare(
         return;
     }
     // Compiles while the first probe renders.
-    let ComparePipeline { layout, shader, sampler, pipeline } = &mut *pipeline;
-    let id = *pipeline.get_or_insert_with(|| {
-        cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some("frugal_gi/error_meter".into()),
-            layout: vec![layout.clone()],
-            shader: shader.clone(),
-            entry_point: Some("compare".into()),
-            ..default()
-        })
-    });
-    let Some(pipeline) = cache.get_compute_pipeline(id) else { return };
+    let ComparePipeline { kernel, sampler } = &mut *pipeline;
+    kernel.queue(&cache, Vec::new());
+    let Some(pipeline) = kernel.get(&cache, &[]) else { return };
     let (main, shown, extracted, scaled) = view.into_inner();
     let Some((Comparison { tile, sums, .. }, best)) =
         probes.iter().find(|(comparison, _)| comparison.camera == main.id())
@@ -226,24 +211,13 @@ fn compare(
         uniform,
         buffer.buffer.as_entire_binding(),
     ));
-    let bindings = context.render_device().create_bind_group(
-        "frugal_gi/error_meter",
-        &cache.get_bind_group_layout(layout),
-        &entries,
-    );
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "frugal_gi/error_meter");
-    {
-        let descriptor =
-            ComputePassDescriptor { label: Some("frugal_gi/error_meter"), ..default() };
-        let mut pass = context.command_encoder().begin_compute_pass(&descriptor);
+    let bindings = kernel.bind(&context, &cache, &entries);
+    compute_pass(&mut context, "frugal_gi/error_meter", &[], |pass| {
         let groups = groups(tile);
         pass.set_bind_group(0, &bindings, &[]);
         pass.set_pipeline(pipeline);
         pass.dispatch_workgroups(groups.x, groups.y, 1);
-    }
-    span.end(context.command_encoder());
+    });
 }
 
 #[cfg(test)]

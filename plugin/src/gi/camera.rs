@@ -6,11 +6,8 @@
 
 use std::sync::Arc;
 
-use bevy::app::{App, Plugin};
 use bevy::camera::visibility::RenderLayers;
 use bevy::ecs::prelude::*;
-use bevy::math::{Affine3A, Mat4};
-use bevy::render::Render;
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
@@ -18,7 +15,6 @@ use bevy::render::view::ExtractedView;
 use super::bounces::BounceCamera;
 use super::emissive::GiEmitters;
 use super::rsm::{LightMap, RsmView};
-use super::schedule::{PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
 use super::sky::{SkyCamera, SkyInputs};
 use super::texels::{TexelRange, TexelRow, TexelStore};
@@ -26,25 +22,12 @@ use super::trace::GiOccluders;
 use super::view::{BufferReuse, GatherCamera, GiFrame, GiRefresh, GiView, HistoryAction, Work};
 use crate::cut::Jumps;
 
-pub(super) struct CameraPlugin;
-
-impl Plugin for CameraPlugin {
-    fn build(&self, _: &mut App) {}
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app.add_systems(Render, prepare.in_set(PrepareSystems::Views));
-    }
-}
-
 /// Sequences of samples that a cache takes one after another, before they repeat.
 const SEQUENCES: u32 = 4096;
 
 /// What a camera's VPLs and its gather depend on, apart from the scene and its [`GiView`].
 #[derive(Component, Clone, Debug, PartialEq)]
-struct ViewInputs {
-    world_from_view: Affine3A,
-    clip_from_view: Mat4,
+pub(super) struct ViewInputs {
     sky: Option<SkyInputs>,
     /// Whether the occluders were collected. In the frame in which an app switches rays on, they
     /// may not be yet.
@@ -52,7 +35,7 @@ struct ViewInputs {
 }
 
 /// Gives every GI camera that has light to gather its [`GiView`], and takes it from the others.
-fn prepare(
+pub(super) fn prepare(
     mut commands: Commands,
     store: Res<TexelStore>,
     (frame, policy, jumps): (Res<GiFrame>, Res<GiRefresh>, Res<Jumps>),
@@ -109,12 +92,7 @@ fn prepare(
             relit: false,
             history: HistoryAction::Begins,
         };
-        let inputs = ViewInputs {
-            world_from_view: view.world_from_view.affine(),
-            clip_from_view: view.clip_from_view,
-            sky,
-            has_occluders: occluders.is_kept(),
-        };
+        let inputs = ViewInputs { sky, has_occluders: occluders.is_kept() };
         let Some((mut held, mut held_inputs)) = held else {
             commands.entity(entity).insert((next, inputs));
             continue;
@@ -125,10 +103,7 @@ fn prepare(
         }
         let reuse = held.reuse(&next);
         let switched = held.gi != next.gi || held_inputs.sky != inputs.sky;
-        let moved = switched
-            || *held_inputs != inputs
-            || held.camera.exposure != next.camera.exposure
-            || is_cut;
+        let moved = switched || *held_inputs != inputs || held.camera != next.camera || is_cut;
         if reuse != BufferReuse::Empty {
             let changed = moved || reuse == BufferReuse::LaidOut;
             next.work = held.work.next(

@@ -17,7 +17,7 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
 /// An entry point of a shader, with its layout, and its pipelines by shader definitions.
-pub(in crate::gi) struct Kernel {
+pub(crate) struct Kernel {
     label: &'static str,
     entry_point: &'static str,
     shader: Handle<Shader>,
@@ -100,7 +100,7 @@ pub(in crate::gi) fn read() -> BindGroupLayoutEntryBuilder {
 }
 
 /// A storage buffer in a layout, to write.
-pub(in crate::gi) fn write() -> BindGroupLayoutEntryBuilder {
+pub(crate) fn write() -> BindGroupLayoutEntryBuilder {
     storage_buffer_sized(false, None)
 }
 
@@ -160,7 +160,7 @@ impl<'a> CameraInputs<'a> {
 
 /// Encodes a compute pass under a time span. `name` is of both, and of the span among Bevy's render
 /// diagnostics. `clears` are buffers, or parts of them, that are zeroed first.
-pub(in crate::gi) fn compute_pass(
+pub(crate) fn compute_pass(
     context: &mut RenderContext,
     name: &'static str,
     clears: &[(&Buffer, BufferAddress, Option<BufferAddress>)],

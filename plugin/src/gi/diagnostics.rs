@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bevy::app::{App, Plugin, PreUpdate};
+use bevy::app::{App, PreUpdate};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::ecs::prelude::*;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::{Render, RenderSystems};
+use bevy::render::{Render, RenderApp, RenderSystems};
 
 use crate::gi::bounces::BounceCamera;
 use crate::gi::cache::{self, CacheView};
@@ -17,7 +17,6 @@ use crate::gi::fog::FogView;
 use crate::gi::forward::ForwardView;
 use crate::gi::gather::GatherView;
 use crate::gi::rsm::RsmView;
-use crate::gi::schedule::supported_render_app;
 use crate::gi::sky::SkyCamera;
 use crate::gi::texels::TexelStore;
 use crate::gi::trace::OccluderBuffers;
@@ -53,31 +52,21 @@ pub struct GiCounts {
     pub uploaded: u64,
 }
 
-/// Puts [`GiCounts`] into Bevy's diagnostics. Part of [`GiPlugin`](crate::gi::GiPlugin). GPU times are in
-/// Bevy's render diagnostics under `frugal_gi/…`.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct GiDiagnosticsPlugin;
-
-impl Plugin for GiDiagnosticsPlugin {
-    fn build(&self, app: &mut App) {
-        app.register_type::<GiCounts>();
+pub(super) fn finish(app: &mut App) {
+    let shared = SharedCounts::default();
+    app.sub_app_mut(RenderApp)
+        .insert_resource(shared.clone())
+        .init_resource::<GiCounts>()
+        .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
+    for (path, suffix, _) in DIAGNOSTICS {
+        app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
     }
-
-    fn finish(&self, app: &mut App) {
-        let shared = SharedCounts::default();
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .insert_resource(shared.clone())
-            .init_resource::<GiCounts>()
-            .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
-        for (path, suffix, _) in DIAGNOSTICS {
-            app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
-        }
-        app.insert_resource(shared).add_systems(PreUpdate, publish);
-    }
+    app.insert_resource(shared).add_systems(PreUpdate, publish);
 }
 
-impl GiDiagnosticsPlugin {
+/// Paths of its fields among Bevy's diagnostics. GPU times are in Bevy's render diagnostics under
+/// `frugal_gi/…`.
+impl GiCounts {
     /// [`GiCounts::maps`].
     pub const MAPS: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/maps");
     /// [`GiCounts::waiting_maps`].
@@ -104,16 +93,16 @@ impl GiDiagnosticsPlugin {
 type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
 const DIAGNOSTICS: [Count; 10] = [
-    (GiDiagnosticsPlugin::MAPS, "", |counts| f64::from(counts.maps)),
-    (GiDiagnosticsPlugin::WAITING_MAPS, "", |counts| f64::from(counts.waiting_maps)),
-    (GiDiagnosticsPlugin::CAMERAS, "", |counts| f64::from(counts.cameras)),
-    (GiDiagnosticsPlugin::SETTLING, "", |counts| f64::from(counts.settling)),
-    (GiDiagnosticsPlugin::PATCHES, "", |counts| counts.patches as f64),
-    (GiDiagnosticsPlugin::VPLS, "", |counts| counts.vpls as f64),
-    (GiDiagnosticsPlugin::PAIRS, "", |counts| counts.pairs as f64),
-    (GiDiagnosticsPlugin::RAYS, "", |counts| counts.rays as f64),
-    (GiDiagnosticsPlugin::MEMORY, " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
-    (GiDiagnosticsPlugin::UPLOADS, " KiB", |counts| counts.uploaded as f64 / 1024.0),
+    (GiCounts::MAPS, "", |counts| f64::from(counts.maps)),
+    (GiCounts::WAITING_MAPS, "", |counts| f64::from(counts.waiting_maps)),
+    (GiCounts::CAMERAS, "", |counts| f64::from(counts.cameras)),
+    (GiCounts::SETTLING, "", |counts| f64::from(counts.settling)),
+    (GiCounts::PATCHES, "", |counts| counts.patches as f64),
+    (GiCounts::VPLS, "", |counts| counts.vpls as f64),
+    (GiCounts::PAIRS, "", |counts| counts.pairs as f64),
+    (GiCounts::RAYS, "", |counts| counts.rays as f64),
+    (GiCounts::MEMORY, " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
+    (GiCounts::UPLOADS, " KiB", |counts| counts.uploaded as f64 / 1024.0),
 ];
 
 /// Shared by both worlds.

@@ -132,21 +132,6 @@ pub struct GiCameraState {
     pub cache: Option<[Buffer; 2]>,
 }
 
-/// Counts the bytes of occluders that frames upload, without a renderer: as one with room for all of
-/// them would get them.
-#[derive(Clone, Debug, Default)]
-pub struct UploadMeter {
-    versions: [u64; 4],
-}
-
-impl UploadMeter {
-    /// Bytes since the last call, or all of them. `world` is the main world, after a frame; the next
-    /// call must come after the next frame.
-    pub fn bytes(&mut self, world: &World) -> u64 {
-        trace::missing_bytes(world, &mut self.versions)
-    }
-}
-
 /// The GPU state of a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<TexelStore>().and_then(|store| store.texels.clone());
@@ -191,59 +176,23 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
     GiGpuState { texels, occluders, maps, cameras, skies }
 }
 
-/// A pass of global illumination, or several that one system encodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum GiPass {
-    /// Maps' G-buffers to texels.
-    Resolve,
-    /// Weights and samples of the sky.
-    Sky,
-    /// Lighting patches.
-    Bounces,
-    /// Weights of texels and sampling of VPLs.
-    Vpl,
-    /// Gathering.
-    Gather,
-    /// Lighting and reading cells of surface.
-    Cache,
-    /// Spatial filter and temporal accumulation.
-    Denoise,
-    /// Composite into the image.
-    Composite,
-}
+/// Names of the passes in the order of a frame: their spans are `frugal_gi/…` among Bevy's render
+/// diagnostics. A system encodes each.
+pub const PASSES: [&str; 8] =
+    ["rsm", "sky", "bounces", "vpl", "gather", "cache", "denoise", "composite"];
 
-impl GiPass {
-    /// In the order of a frame.
-    pub const ALL: [Self; 8] = [
-        Self::Resolve,
-        Self::Sky,
-        Self::Bounces,
-        Self::Vpl,
-        Self::Gather,
-        Self::Cache,
-        Self::Denoise,
-        Self::Composite,
-    ];
-
-    /// The name of its span among Bevy's render diagnostics, behind `frugal_gi/`.
-    pub fn name(self) -> &'static str {
-        ["rsm", "sky", "bounces", "vpl", "gather", "cache", "denoise", "composite"][self as usize]
-    }
-}
-
-/// The pass that runs twice in a frame. Its cost is the increase of the frame's time, which works
+/// The pass of [`PASSES`] that runs twice in a frame. Its cost is the increase of the frame's time, which works
 /// on devices without reliable time stamps, too. A repeated composite adds the light twice. A
 /// resource of the main world; see [`allow_repeats`].
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RepeatedPass(pub Option<GiPass>);
+pub struct RepeatedPass(pub Option<&'static str>);
 
 /// Adds every pass to the frame a second time, to run when [`RepeatedPass`] names it.
 pub fn allow_repeats(app: &mut App) {
     app.init_resource::<RepeatedPass>()
         .add_plugins(ExtractResourcePlugin::<RepeatedPass>::default());
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-    let is = |pass: GiPass| {
+    let is = |pass: &'static str| {
         move |repeated: Option<Res<RepeatedPass>>| {
             repeated.is_some_and(|repeated| repeated.0 == Some(pass))
         }
@@ -251,14 +200,14 @@ pub fn allow_repeats(app: &mut App) {
     render_app.add_systems(
         Core3d,
         (
-            rsm::resolve.in_set(GiSystems::Resolve).run_if(is(GiPass::Resolve)),
-            sky::sample.in_set(PassSystems::Sky).run_if(is(GiPass::Sky)),
-            bounces::reflect.in_set(PassSystems::Bounces).run_if(is(GiPass::Bounces)),
-            vpl::sample.in_set(PassSystems::Vpl).run_if(is(GiPass::Vpl)),
-            gather::gather.in_set(PassSystems::Gather).run_if(is(GiPass::Gather)),
-            cache::resolve.in_set(PassSystems::Cache).run_if(is(GiPass::Cache)),
-            denoise::denoise.in_set(PassSystems::Denoise).run_if(is(GiPass::Denoise)),
-            composite::composite.in_set(GiSystems::Composite).run_if(is(GiPass::Composite)),
+            rsm::resolve.in_set(GiSystems::Resolve).run_if(is("rsm")),
+            sky::sample.in_set(PassSystems::Sky).run_if(is("sky")),
+            bounces::reflect.in_set(PassSystems::Bounces).run_if(is("bounces")),
+            vpl::sample.in_set(PassSystems::Vpl).run_if(is("vpl")),
+            gather::gather.in_set(PassSystems::Gather).run_if(is("gather")),
+            cache::resolve.in_set(PassSystems::Cache).run_if(is("cache")),
+            denoise::denoise.in_set(PassSystems::Denoise).run_if(is("denoise")),
+            composite::composite.in_set(GiSystems::Composite).run_if(is("composite")),
         ),
     );
 }

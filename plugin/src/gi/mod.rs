@@ -31,7 +31,7 @@ mod bounces;
 mod cache;
 mod camera;
 mod composite;
-mod compute;
+pub(crate) mod compute;
 mod denoise;
 mod diagnostics;
 mod emissive;
@@ -52,7 +52,7 @@ mod vpl;
 
 use std::sync::Arc;
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, Plugin, SubApp};
 use bevy::camera::Camera3d;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
@@ -66,7 +66,7 @@ use bevy::render::settings::WgpuLimits;
 use bevy::render::view::Msaa;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
-pub use diagnostics::{GiCounts, GiDiagnosticsPlugin};
+pub use diagnostics::GiCounts;
 pub use rsm::RsmView;
 pub use schedule::{GiSupport, GiSystems};
 pub use settings::{
@@ -137,23 +137,24 @@ impl Plugin for GiPlugin {
             commands.entity(added.entity).insert(Msaa::Off);
         });
         schedule::configure_main_world(app);
-        app.add_plugins((
-            view::ViewPlugin,
-            texels::TexelPlugin,
-            surfaces::SurfacesPlugin,
-            trace::TracePlugin,
-            (rsm::RsmPlugin, emissive::EmissivePlugin, sky::SkyPlugin, bounces::BouncePlugin),
-            camera::CameraPlugin,
-            vpl::VplPlugin,
-            gather::GatherPlugin,
-            (cache::CachePlugin, forward::ForwardPlugin),
-            denoise::DenoisePlugin,
-            (composite::CompositePlugin, fog::FogPlugin),
-            GiDiagnosticsPlugin,
-        ));
+        view::build(app);
+        texels::build(app);
+        surfaces::build(app);
+        trace::build(app);
+        rsm::build(app);
+        emissive::build(app);
+        sky::build(app);
+        bounces::build(app);
+        vpl::build(app);
+        gather::build(app);
+        cache::build(app);
+        forward::build(app);
+        denoise::build(app);
+        composite::build(app);
+        fog::build(app);
+        app.register_type::<GiCounts>();
     }
 
-    // The plugins above finish after this one.
     fn finish(&self, app: &mut App) {
         crate::schedule::watch_pipelines(app);
         crate::atmosphere::share_atmosphere(app);
@@ -169,8 +170,52 @@ impl Plugin for GiPlugin {
         }
         render_app.insert_resource(GiSupport::Full);
         schedule::configure_render_world(render_app);
+        view::finish(render_app);
+        texels::finish(render_app);
+        trace::finish(render_app);
+        rsm::finish(render_app);
+        sky::finish(render_app);
+        bounces::finish(render_app);
+        vpl::finish(render_app);
+        gather::finish(render_app);
+        cache::finish(render_app);
+        denoise::finish(render_app);
+        composite::finish(render_app);
+        fog::finish(render_app);
+        add_preparation(render_app);
         app.insert_resource(GiSupport::Full);
+        surfaces::finish(app);
+        forward::finish(app);
+        diagnostics::finish(app);
     }
+}
+
+/// Every folder uploads what changed, in this order.
+fn add_preparation(render_app: &mut SubApp) {
+    render_app.add_systems(
+        Render,
+        (
+            (rsm::reserve, emissive::reserve, bounces::reserve),
+            texels::allocate,
+            emissive::upload,
+            trace::prepare,
+            sky::prepare,
+            // A sky is active only once the pipelines that gather it are compiled.
+            (gather::prepare_pipelines, cache::prepare_pipelines, forward::prepare_pipelines),
+            bounces::prepare,
+            camera::prepare,
+            vpl::prepare,
+            (gather::prepare, sky::prepare_sequences),
+            cache::prepare,
+            forward::prepare,
+            fog::prepare,
+            denoise::prepare,
+            // Before Bevy binds it.
+            sky::take_out_diffuse,
+        )
+            .chain()
+            .in_set(RenderSystems::PrepareResources),
+    );
 }
 
 /// Names of the limits that GI needs and that the device does not reach.

@@ -1,7 +1,6 @@
-//! The order of all systems and passes of global illumination in a frame.
+//! The order of the systems and passes of global illumination in a frame.
 //!
-//! To add a pass, give it a variant in [`PassSystems`], one in [`PrepareSystems`] if it holds GPU
-//! objects, and a plugin in [`GiPlugin`](super::GiPlugin).
+//! To add a pass, give it a variant in [`PassSystems`], and a place in [`GiPlugin`](super::GiPlugin).
 
 use bevy::app::{App, PostUpdate, SubApp};
 use bevy::camera::CameraUpdateSystems;
@@ -12,7 +11,6 @@ use bevy::ecs::prelude::*;
 use bevy::light::SimulationLightSystems;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::pbr::screen_space_reflections;
-use bevy::render::{Render, RenderApp, RenderSystems};
 use bevy::transform::TransformSystems;
 
 use crate::schedule::KnobSystems;
@@ -50,41 +48,6 @@ pub(super) enum SceneSystems {
     Emissive,
     /// Occluders and patches are updated.
     Surfaces,
-}
-
-/// In the render world's `PrepareResources`, in this order.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) enum PrepareSystems {
-    /// Light sources reserve their ranges of texels.
-    Reserve,
-    /// The store of texels is allocated.
-    Texels,
-    /// Texels made by the CPU are uploaded.
-    Emissive,
-    /// Occluders.
-    Trace,
-    /// Skies.
-    Sky,
-    /// The gather's pipelines are queued; a sky is active only once its own is compiled.
-    GatherPipelines,
-    /// Patches.
-    Bounces,
-    /// Each view's work in this frame.
-    Views,
-    /// Each view's VPL buffers.
-    Vpl,
-    /// Each view's irradiance.
-    Gather,
-    /// Each view's cells of surface.
-    Cache,
-    /// Each view's places around the camera.
-    Forward,
-    /// Each view's fog.
-    Fog,
-    /// Each view's history.
-    Denoise,
-    /// Removes Bevy's own diffuse light of gathered skies, before Bevy binds it.
-    Environment,
 }
 
 /// The passes within [`GiSystems::Gather`], in this order.
@@ -136,56 +99,33 @@ pub(super) fn configure_main_world(app: &mut App) {
 
 /// In the render world.
 pub(super) fn configure_render_world(render_app: &mut SubApp) {
-    render_app
-        .configure_sets(
-            Render,
+    render_app.configure_sets(
+        Core3d,
+        (
+            (GiSystems::Resolve, GiSystems::Gather)
+                .chain()
+                .after(Core3dSystems::Prepass)
+                .before(Core3dSystems::MainPass),
             (
-                PrepareSystems::Reserve,
-                PrepareSystems::Texels,
-                PrepareSystems::Emissive,
-                PrepareSystems::Trace,
-                PrepareSystems::Sky,
-                PrepareSystems::GatherPipelines,
-                PrepareSystems::Bounces,
-                PrepareSystems::Views,
-                PrepareSystems::Vpl,
-                PrepareSystems::Gather,
-                PrepareSystems::Cache,
-                PrepareSystems::Forward,
-                PrepareSystems::Fog,
-                PrepareSystems::Denoise,
-                PrepareSystems::Environment,
+                PassSystems::Sky,
+                PassSystems::Bounces,
+                PassSystems::Vpl,
+                PassSystems::Gather,
+                PassSystems::Cache,
+                PassSystems::Forward,
+                PassSystems::Denoise,
             )
                 .chain()
-                .in_set(RenderSystems::PrepareResources),
-        )
-        .configure_sets(
-            Core3d,
-            (
-                (GiSystems::Resolve, GiSystems::Gather)
-                    .chain()
-                    .after(Core3dSystems::Prepass)
-                    .before(Core3dSystems::MainPass),
-                (
-                    PassSystems::Sky,
-                    PassSystems::Bounces,
-                    PassSystems::Vpl,
-                    PassSystems::Gather,
-                    PassSystems::Cache,
-                    PassSystems::Forward,
-                    PassSystems::Denoise,
-                )
-                    .chain()
-                    .in_set(GiSystems::Gather),
-                // Reflections see it, forward-rendered meshes cover it, and the sky's aerial
-                // perspective, which follows opaque meshes, dims it.
-                GiSystems::Composite
-                    .in_set(Core3dSystems::MainPass)
-                    .after(deferred_lighting)
-                    .before(screen_space_reflections)
-                    .before(main_opaque_pass_3d),
-            ),
-        );
+                .in_set(GiSystems::Gather),
+            // Reflections see it, forward-rendered meshes cover it, and the sky's aerial
+            // perspective, which follows opaque meshes, dims it.
+            GiSystems::Composite
+                .in_set(Core3dSystems::MainPass)
+                .after(deferred_lighting)
+                .before(screen_space_reflections)
+                .before(main_opaque_pass_3d),
+        ),
+    );
 }
 
 /// Whether the device supports global illumination. A resource of both worlds, decided in
@@ -205,11 +145,4 @@ pub enum GiSupport {
 /// Whether the device, if any, supports global illumination: else nothing is kept up for it.
 pub(super) fn is_not_off(support: Res<GiSupport>) -> bool {
     !matches!(*support, GiSupport::Lacking(_))
-}
-
-/// The render app, if the device supports global illumination. For plugins that finish after
-/// [`GiPlugin`](super::GiPlugin), such as those that it adds.
-pub(super) fn supported_render_app(app: &mut App) -> Option<&mut SubApp> {
-    let is_supported = app.world().get_resource() == Some(&GiSupport::Full);
-    app.get_sub_app_mut(RenderApp).filter(|_| is_supported)
 }

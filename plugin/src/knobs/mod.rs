@@ -27,6 +27,8 @@ pub(crate) use builtin::allow_authored;
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
 pub use field::{FieldKnob, KnobField};
 pub use warm::WarmKnobs;
+#[cfg(feature = "stage")]
+pub(crate) use warm::levels_to_show;
 
 /// The levels of this camera's knobs, applied whenever they change. Set by the app, or by the
 /// controller.

@@ -121,7 +121,7 @@ impl WarmKnobs {
 /// Every level of every knob, with the other knobs at their cheapest, which keeps the warm-up
 /// short. A knob that depends on another is shown with each level of that one: the two may share a
 /// pipeline.
-fn levels_to_show(space: &KnobSpace) -> Vec<KnobLevels> {
+pub(crate) fn levels_to_show(space: &KnobSpace) -> Vec<KnobLevels> {
     let mut shown = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
         for base in space.cheapest_with(knob) {

@@ -1,7 +1,6 @@
 //! Waits for everything that is compiled, loaded or built in the background, so that no metered frame
 //! lacks it or pays for it.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor};
@@ -9,7 +8,7 @@ use bevy::shader::ShaderCacheError;
 
 use super::{Stage, StageError};
 use crate::gi::{GiCounts, GiOccluders, GiTextureCopies};
-use crate::knobs::KnobLevels;
+use crate::knobs::{KnobLevels, levels_to_show};
 
 /// Greatest number of frames to wait for temporal accumulation.
 const MAX_ACCUMULATION_FRAMES: u32 = 70;
@@ -131,19 +130,12 @@ impl Stage {
     /// # Errors
     /// When the renderer does not become ready.
     pub fn warm(&mut self) -> Result<(), StageError> {
-        // The other knobs are at their cheapest, which is fast. A knob that depends on another is
-        // rendered with each of the other's levels, because a pipeline may be specific to a pair.
-        let space = Arc::clone(&self.space);
-        for (index, knob) in space.knobs().iter().enumerate() {
-            for base in space.cheapest_with(knob) {
-                for level in 0..knob.levels.len() {
-                    self.apply(base.with_level(index, level));
-                    self.frame();
-                    self.finish_pipelines()?;
-                }
-            }
+        for settings in levels_to_show(&self.space) {
+            self.apply(settings);
+            self.frame();
+            self.finish_pipelines()?;
         }
-        self.apply(space.highest());
+        self.apply(self.space.highest());
         self.get_ready()
     }
 }

@@ -10,15 +10,14 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
+use super::BounceKernels;
 use super::choice::{PATCHES, Patch};
 use super::patches::GiPatches;
-use super::{BounceKernels, ReflectKind};
 use crate::cut::Jumps;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
-use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
 use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, SamplingBuffers, VPL_BYTES, VplPlan};
 
@@ -49,7 +48,7 @@ pub(super) struct LightInputs {
     store: BufferId,
     /// Index of the first patch's texel in it.
     pub first_texel: u32,
-    pub kind: ReflectKind,
+    pub shading: GiShading,
 }
 
 /// The GPU objects of a camera's patches, for tests and debuggers.
@@ -87,6 +86,11 @@ pub(crate) struct BounceCamera {
 }
 
 impl LightInputs {
+    /// Whether the camera's sky lights patches.
+    pub(super) fn has_sky(&self) -> bool {
+        self.sky.is_some()
+    }
+
     /// The rows of the patches alone.
     fn rows(&self) -> Vec<TexelRow> {
         let mut rows = Vec::new();
@@ -155,11 +159,11 @@ impl BounceCamera {
 
 /// Gives every camera with patches its buffers, removes those of others, and decides whether its
 /// patches are due to reflect again.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     mut kernels: ResMut<BounceKernels>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
-    (mut store, patches, occluders): (ResMut<TexelStore>, Res<GiPatches>, Res<OccluderBuffers>),
+    (mut store, patches): (ResMut<TexelStore>, Res<GiPatches>),
     (frame, jumps): (Res<GiFrame>, Res<Jumps>),
     mut cameras: Query<
         (
@@ -184,12 +188,7 @@ pub(super) fn prepare(
         };
         let first_texel = store.first(TexelRange::Patches) + before;
         let sky = sky.and_then(SkyCamera::inputs);
-        let kind = ReflectKind {
-            has_sky: sky.is_some(),
-            has_masks: occluders.are_masked(),
-            is_lambertian: gi.shading == GiShading::Lambertian,
-        };
-        kernels.queue(&cache, kind);
+        kernels.queue(&cache, sky.is_some(), gi.shading);
         let always = sky.as_ref().is_some_and(SkyInputs::is_generated);
         let extrapolates = gi.bounces >= FrugalGi::ALL_BOUNCES;
         let inputs = LightInputs {
@@ -200,7 +199,7 @@ pub(super) fn prepare(
             sky,
             store: texels.id(),
             first_texel,
-            kind,
+            shading: gi.shading,
         };
         // A new range holds other texels, which would be sampled if the patches cannot reflect in
         // this frame.

@@ -30,24 +30,26 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::binding_types::{uniform_buffer, uniform_buffer_sized};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
+use bevy::shader::ShaderDefVal;
 
 use super::compute::{CameraInputs, Kernel, compute_pass, definitions, read, write};
-use super::schedule::{PassSystems, PrepareSystems, SceneSystems, supported_render_app};
+use super::schedule::{PassSystems, SceneSystems};
+use super::settings::GiShading;
 use super::sky::SkyCamera;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
-use super::trace::{OccluderBuffers, TracedKernel};
+use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
 use camera::LightInputs;
-pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES};
+pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES, prepare};
 use choice::PATCHES;
 pub(super) use choice::Patch;
 pub use patches::GiPatches;
@@ -55,56 +57,39 @@ pub use patches::GiPatches;
 /// Patches of a workgroup of `reflect.wgsl`.
 pub(in crate::gi) const PATCHES_PER_GROUP: usize = 8;
 
-pub(super) struct BouncePlugin;
-
-impl Plugin for BouncePlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "reflect.wgsl");
-        app.init_resource::<GiPatches>()
-            .init_resource::<patches::Surfaces>()
-            .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
-            .add_systems(
-                PostUpdate,
-                // Reads final transforms, visibility and this frame's asset events.
-                patches::update
-                    .in_set(SceneSystems::Surfaces)
-                    .after(AssetEventSystems)
-                    .after(TransformSystems::Propagate)
-                    .after(VisibilitySystems::VisibilityPropagate),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<BounceKernels>()
-            .add_systems(
-                Render,
-                (
-                    reserve.in_set(PrepareSystems::Reserve),
-                    camera::prepare.in_set(PrepareSystems::Bounces),
-                ),
-            )
-            .add_systems(Core3d, reflect.in_set(PassSystems::Bounces));
-    }
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "reflect.wgsl");
+    app.init_resource::<GiPatches>()
+        .init_resource::<patches::Surfaces>()
+        .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
+        .add_systems(
+            PostUpdate,
+            // Reads final transforms, visibility and this frame's asset events.
+            patches::update
+                .in_set(SceneSystems::Surfaces)
+                .after(AssetEventSystems)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
+        );
 }
 
-/// How patches reflect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct ReflectKind {
-    /// Whether the camera's sky lights patches.
-    has_sky: bool,
-    /// Whether rays test alpha masks.
-    has_masks: bool,
-    is_lambertian: bool,
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<BounceKernels>()
+        .add_systems(Core3d, reflect.in_set(PassSystems::Bounces));
+}
+
+/// Definitions of how patches reflect. `has_sky`: the camera's sky lights them.
+fn reflect_variant(has_sky: bool, shading: GiShading) -> Vec<ShaderDefVal> {
+    definitions([(has_sky, "SKY"), (shading == GiShading::Lambertian, "LAMBERTIAN")])
 }
 
 /// Pipelines are queued once a camera needs them.
 #[derive(Resource)]
 pub(super) struct BounceKernels {
     pick: Kernel,
-    /// Of both models of reflection, without a sky and with one.
-    reflect: [[TracedKernel; 2]; 2],
+    /// Without a sky and with one.
+    reflect: [Kernel; 2],
     sum: Kernel,
 }
 
@@ -124,38 +109,32 @@ impl FromWorld for BounceKernels {
         );
         let with_sky = [&*without_sky, &*sky].concat();
         let shader = load_embedded_asset!(world, "reflect.wgsl");
-        let reflect = |is_lambertian| {
-            [(false, &without_sky[..]), (true, &with_sky[..])].map(|(has_sky, entries)| {
-                let definitions = definitions([(has_sky, "SKY"), (is_lambertian, "LAMBERTIAN")]);
-                let (label, entry_point) = ("frugal_gi/bounces/reflect", "reflect_patches");
-                TracedKernel::new(label, entry_point, &shader, entries, definitions)
-            })
+        let reflect = |entries: &[BindGroupLayoutEntry]| {
+            Kernel::new("frugal_gi/bounces/reflect", "reflect_patches", &shader, entries)
+                .with_group(OccluderBuffers::layout())
         };
         Self {
             pick: Kernel::new("frugal_gi/bounces/pick", "pick_patches", &shader, &picking),
-            reflect: [false, true].map(reflect),
+            reflect: [reflect(&without_sky), reflect(&with_sky)],
             sum: Kernel::new("frugal_gi/bounces/sum", "sum_rounds", &shader, &summing),
         }
     }
 }
 
 impl BounceKernels {
-    fn reflect(&self, kind: ReflectKind) -> &TracedKernel {
-        &self.reflect[usize::from(kind.is_lambertian)][usize::from(kind.has_sky)]
-    }
-
-    /// Queues the pipelines of a kind, unless they were queued before: the sky lights the first round
+    /// Queues the pipelines of a camera, unless they were queued before: the sky lights the first round
     /// alone.
-    fn queue(&mut self, cache: &PipelineCache, kind: ReflectKind) {
+    fn queue(&mut self, cache: &PipelineCache, has_sky: bool, shading: GiShading) {
         self.pick.queue(cache, Vec::new());
         self.sum.queue(cache, Vec::new());
-        let reflect = &mut self.reflect[usize::from(kind.is_lambertian)];
-        reflect[0].queue(cache, kind.has_masks);
-        reflect[usize::from(kind.has_sky)].queue(cache, kind.has_masks);
+        self.reflect[0].queue(cache, reflect_variant(false, shading));
+        if has_sky {
+            self.reflect[1].queue(cache, reflect_variant(true, shading));
+        }
     }
 }
 
-fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
+pub(super) fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
     store.reserve(TexelRange::Patches, patches.texel_count());
 }
 
@@ -182,13 +161,15 @@ pub(super) fn reflect(
     if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }
-    let LightInputs { kind, rounds, first_texel, .. } = camera.inputs;
-    let (first, further) =
-        (kernels.reflect(kind), kernels.reflect(ReflectKind { has_sky: false, ..kind }));
+    let LightInputs { shading, rounds, first_texel, .. } = camera.inputs;
+    let sky = sky.filter(|_| camera.inputs.has_sky());
+    let has_sky = sky.is_some();
+    let [further, by_sky] = &kernels.reflect;
+    let first = if has_sky { by_sky } else { further };
     let (Some(pick), Some(reflect_first), Some(reflect_further), Some(sum)) = (
         kernels.pick.get(&cache, &[]),
-        first.get(&cache, kind.has_masks),
-        further.get(&cache, kind.has_masks),
+        first.get(&cache, &reflect_variant(has_sky, shading)),
+        further.get(&cache, &reflect_variant(false, shading)),
         kernels.sum.get(&cache, &[]),
     ) else {
         return;
@@ -232,10 +213,10 @@ pub(super) fn reflect(
         texels.as_entire_binding(),
         camera.light.as_entire_binding(),
     ));
-    let reflecting_further = further.kernel.bind(&context, &cache, &entries);
-    let sky = sky.filter(|_| kind.has_sky).map(|sky| {
+    let reflecting_further = further.bind(&context, &cache, &entries);
+    let sky = sky.map(|sky| {
         let sky = (sky.samples.as_entire_binding(), sky.plan_buffer.as_entire_binding());
-        first.kernel.bind(&context, &cache, &entries.extend_sequential(sky))
+        first.bind(&context, &cache, &entries.extend_sequential(sky))
     });
     let reflecting_first = sky.as_ref().unwrap_or(&reflecting_further);
     let summing = kernels.sum.bind(

@@ -21,7 +21,7 @@
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded}
 #import bevy_frugal_gi::gi::view::noise::{mixed, random}
 #import bevy_frugal_gi::gi::view::surface::{
-    apparent_distance, image_size, in_g_buffer, pixel_position, representative, surface_normal,
+    Shown, apparent_distance, image_size, representative, shown_at,
 }
 #ifdef SKY_RAYS
 #import bevy_frugal_gi::gi::gather::gather::gathered_sky
@@ -61,20 +61,9 @@ fn nth_nearest(spot: Spot, corner: vec2<i32>, size: f32, rank: u32) -> vec2<i32>
     return corner + (nearest ^ flip);
 }
 
-/// A point on a surface, world space.
-struct Place {
-    position: vec3<f32>,
-    normal: vec3<f32>,
-}
-
 /// What the pixel of a record shows.
-fn recorded_place(record: vec2<u32>) -> Place {
-    let pixel = recorded_pixel(record);
-    let texel = in_g_buffer(pixel, view.viewport);
-    var place: Place;
-    place.position = pixel_position(pixel, image_size(view.viewport), textureLoad(depth_buffer, texel, 0), view.world_from_clip);
-    place.normal = surface_normal(textureLoad(g_buffer, texel, 0));
-    return place;
+fn recorded_place(record: vec2<u32>) -> Shown {
+    return shown_at(recorded_pixel(record), g_buffer, depth_buffer, view.viewport, view.world_from_clip);
 }
 
 @compute @workgroup_size(8, 8)
@@ -176,16 +165,14 @@ fn resolve_cells(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
     if any(id.xy >= textureDimensions(irradiance)) {
         return;
     }
-    let size = image_size(view.viewport);
-    let pixel = representative(id.xy, vec2(settings.cell_width, settings.cell_height), size);
-    let texel = in_g_buffer(pixel, view.viewport);
-    let depth = textureLoad(depth_buffer, texel, 0);
-    if depth == 0.0 {
+    let pixel = representative(id.xy, vec2(settings.cell_width, settings.cell_height), image_size(view.viewport));
+    let here = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
+    if here.depth == 0.0 {
         textureStore(irradiance, id.xy, vec4(0.0));
         return;
     }
-    let position = pixel_position(pixel, size, depth, view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, texel, 0));
+    let position = here.position;
+    let normal = here.normal;
     let level = level_at(apparent_distance(view.clip_from_view, distance(position, view.world_position)));
     let spot = spot_of(position - settings.origin, normal);
     var sums = array<vec4<f32>, LEVELS>();

@@ -24,49 +24,37 @@ use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
-use bevy::shader::load_shader_library;
+use bevy::shader::{ShaderDefVal, load_shader_library};
 
 use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, read, write};
 use super::gather::{GatherView, ray_definitions};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
-use super::trace::{OccluderBuffers, TracedKernel};
+use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::VplView;
-pub(super) use view::{CELL_BYTES, CacheSettings, CacheView, samples};
+pub(super) use view::{CELL_BYTES, CacheSettings, CacheView, prepare, samples};
 
-pub(super) struct CachePlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "grid.wgsl");
+    load_shader_library!(app, "table.wgsl");
+    embedded_asset!(app, "place.wgsl");
+    embedded_asset!(app, "light.wgsl");
+}
 
-impl Plugin for CachePlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "grid.wgsl");
-        load_shader_library!(app, "table.wgsl");
-        embedded_asset!(app, "place.wgsl");
-        embedded_asset!(app, "light.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<CacheKernels>()
-            .add_observer(drop_with::<GiView, CacheView>)
-            .add_systems(
-                Render,
-                (
-                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    view::prepare.in_set(PrepareSystems::Cache),
-                ),
-            )
-            .add_systems(Core3d, resolve.in_set(PassSystems::Cache));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<CacheKernels>()
+        .add_observer(drop_with::<GiView, CacheView>)
+        .add_systems(Core3d, resolve.in_set(PassSystems::Cache));
 }
 
 /// The cache's pipelines. They are queued once a camera has a cache.
@@ -75,9 +63,9 @@ pub(super) struct CacheKernels {
     age: Kernel,
     place: Kernel,
     /// Without a sky, and with one.
-    light: [TracedKernel; 2],
-    store: TracedKernel,
-    resolve: TracedKernel,
+    light: [Kernel; 2],
+    store: Kernel,
+    resolve: Kernel,
 }
 
 impl FromWorld for CacheKernels {
@@ -117,19 +105,16 @@ impl FromWorld for CacheKernels {
         let store = [&*with_table, &*sampled].concat();
         let places = load_embedded_asset!(world, "place.wgsl");
         let lights = load_embedded_asset!(world, "light.wgsl");
-        let light = |label, entries: &[BindGroupLayoutEntry], has_sky| {
-            let definitions = ray_definitions(GiVisibility::Cached, has_sky);
-            TracedKernel::new(label, "light_samples", &lights, entries, definitions)
-        };
         let traced = |label, entry_point, entries: &[BindGroupLayoutEntry]| {
-            TracedKernel::new(label, entry_point, &lights, entries, Vec::new())
+            let kernel = Kernel::new(label, entry_point, &lights, entries);
+            kernel.with_group(OccluderBuffers::layout())
         };
         Self {
             age: Kernel::new("frugal_gi/cache/age", "age_cells", &places, &age),
             place: Kernel::new("frugal_gi/cache/place", "place_samples", &places, &place),
             light: [
-                light("frugal_gi/cache/light", &without_sky, false),
-                light("frugal_gi/cache/light/sky", &with_sky, true),
+                traced("frugal_gi/cache/light", "light_samples", &without_sky),
+                traced("frugal_gi/cache/light/sky", "light_samples", &with_sky),
             ],
             store: traced("frugal_gi/cache/store", "store_samples", &store),
             resolve: traced("frugal_gi/cache/resolve", "resolve_cells", &resolve),
@@ -137,28 +122,28 @@ impl FromWorld for CacheKernels {
     }
 }
 
+/// Definitions of what lights samples.
+fn light_variant(has_sky: bool) -> Vec<ShaderDefVal> {
+    ray_definitions(GiVisibility::Cached, has_sky)
+}
+
 /// Queues the pipelines of cameras that have a cache, and keeps their skies inactive until those that
 /// gather them are compiled.
-fn prepare_pipelines(
+pub(super) fn prepare_pipelines(
     mut kernels: ResMut<CacheKernels>,
     cache: Res<PipelineCache>,
-    occluders: Res<OccluderBuffers>,
     mut cameras: Query<(&FrugalGi, Option<&mut SkyCamera>)>,
 ) {
     let CacheKernels { age, place, light: [light, light_by_sky], store, resolve } = &mut *kernels;
     for (_, sky) in cameras.iter_mut().filter(|(gi, _)| gi.caches()) {
-        age.queue(&cache, Vec::new());
-        place.queue(&cache, Vec::new());
-        let has_masks = occluders.are_masked();
-        store.queue(&cache, has_masks);
-        resolve.queue(&cache, has_masks);
-        // A sky may be inactive.
-        light.queue(&cache, has_masks);
-        if sky.is_some() {
-            light_by_sky.queue(&cache, has_masks);
+        for kernel in [&mut *age, &mut *place, &mut *store, &mut *resolve] {
+            kernel.queue(&cache, Vec::new());
         }
+        // A sky may be inactive.
+        light.queue(&cache, light_variant(false));
         if let Some(mut sky) = sky {
-            sky.is_active &= light_by_sky.get(&cache, false).is_some();
+            light_by_sky.queue(&cache, light_variant(true));
+            sky.is_active &= light_by_sky.get(&cache, &light_variant(true)).is_some();
         }
     }
 }
@@ -187,18 +172,17 @@ pub(super) fn resolve(
     }
     let sky = sky.filter(|_| view.sky_samples > 0);
     let light = &kernels.light[usize::from(sky.is_some())];
-    let traced = [light, &kernels.store, &kernels.resolve];
-    let traced = traced.map(|kernel| kernel.get(&pipelines, occluders.are_masked()));
+    let others = [&kernels.age, &kernels.place, &kernels.store, &kernels.resolve];
     let (
         Some(camera),
         Some(occluded),
-        [Some(age), Some(place)],
-        [Some(lights), Some(store), Some(resolve)],
+        Some(lights),
+        [Some(age), Some(place), Some(store), Some(resolve)],
     ) = (
         CameraInputs::new(prepass, &view_uniforms),
         occluders.bind_group(),
-        [&kernels.age, &kernels.place].map(|kernel| kernel.get(&pipelines, &[])),
-        traced,
+        light.get(&pipelines, &light_variant(sky.is_some())),
+        others.map(|kernel| kernel.get(&pipelines, &[])),
     )
     else {
         return;
@@ -235,12 +219,12 @@ pub(super) fn resolve(
         let sky = (samples.as_entire_binding(), plan.as_entire_binding());
         lighting = lighting.extend_sequential(sky);
     }
-    let lighting = light.kernel.bind(&context, &pipelines, &lighting);
+    let lighting = light.bind(&context, &pipelines, &lighting);
     let storing =
         with_table().extend_sequential((&cache.records.default_view, &cache.light.default_view));
-    let storing = kernels.store.kernel.bind(&context, &pipelines, &storing);
+    let storing = kernels.store.bind(&context, &pipelines, &storing);
     let resolving = with_table().extend_with_indices(((6, &gather.irradiance.default_view),));
-    let resolving = kernels.resolve.kernel.bind(&context, &pipelines, &resolving);
+    let resolving = kernels.resolve.bind(&context, &pipelines, &resolving);
     let clears = [(&cache.keys, 0, None), (&cache.cells, 0, None)];
     let clears = if cache.begins { &clears[..] } else { &[] };
     let groups = |texture: &Texture| (texture.width().div_ceil(8), texture.height().div_ceil(8));

@@ -10,7 +10,7 @@
 }
 #import bevy_frugal_gi::gi::cache::table::{BLOCKED, KNOWN, SAMPLE, cells, count_of, count_sample, find, keys, links_of, settings, slots}
 #import bevy_frugal_gi::gi::view::noise::{mixed, random}
-#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, shown_at}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -66,22 +66,18 @@ fn place_samples(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= settings.across || id.y >= settings.down {
         return;
     }
-    let size = image_size(view.viewport);
     // The R2 sequence (Roberts 2018), shifted in each tile.
     let seed = mixed(id.x + id.y * 65536u);
     let shift = vec2(random(seed), random(seed + 1u));
     let inside = fract(shift + f32(settings.frame & 4095u) * vec2(0.7548777, 0.5698403));
-    let pixel = min(id.xy * settings.tile + vec2<u32>(inside * f32(settings.tile)), size - 1u);
-    let texel = in_g_buffer(pixel, view.viewport);
-    let depth = textureLoad(depth_buffer, texel, 0);
-    if depth == 0.0 {
+    let pixel = min(id.xy * settings.tile + vec2<u32>(inside * f32(settings.tile)), image_size(view.viewport) - 1u);
+    let shown = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
+    if shown.depth == 0.0 {
         textureStore(records, id.xy, vec4(0u));
         return;
     }
-    let position = pixel_position(pixel, size, depth, view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, texel, 0));
-    let own = u32(level_at(apparent_distance(view.clip_from_view, distance(position, view.world_position))));
-    let spot = spot_of(position - settings.origin, normal);
+    let own = u32(level_at(apparent_distance(view.clip_from_view, distance(shown.position, view.world_position))));
+    let spot = spot_of(shown.position - settings.origin, shown.normal);
     var flags = SURFACE;
     var finest = 0u;
     var is_settled = false;

@@ -172,7 +172,7 @@ fn textures(device: &RenderDevice, tiles: UVec2) -> [CachedTexture; 2] {
 }
 
 /// Gives every view that has a cache its buffers, and takes them from the others.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -9,7 +9,7 @@
 #endif
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::view::surface::{
-    apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, scattered_share, surface_affinity, surface_normal,
+    apparent_distance, image_size, pixel_position, plane_tolerance, representative, scattered_share, shown_at, surface_affinity, surface_normal,
 }
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -37,15 +37,13 @@ fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2(i & 1u, i >> 1u);
         let cell = vec2<u32>(clamp(vec2<i32>(corner) + vec2<i32>(offset), vec2(0), vec2<i32>(cells) - 1));
-        let other = representative(cell, CELL, size);
-        let depth = textureLoad(depth_buffer, in_g_buffer(other, view.viewport), 0);
-        let away = pixel_position(other, size, max(depth, 1e-30), view.world_from_clip) - position;
-        let shared_plane = surface_affinity(away, normal, surface_normal(textureLoad(g_buffer, in_g_buffer(other, view.viewport), 0)), tolerance);
+        let other = shown_at(representative(cell, CELL, size), g_buffer, depth_buffer, view.viewport, view.world_from_clip);
+        let shared_plane = surface_affinity(other.position - position, normal, other.normal, tolerance);
         let near = select(1.0 - along, along, offset == vec2(1u));
         let received = textureLoad(irradiance, cell, 0);
         // The small constants select the nearest low-resolution pixel where none lies on this
         // surface; those of the sky, and those whose light is not known yet, have weight 0.
-        let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0 && received.a != 0.0);
+        let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, other.depth > 0.0 && received.a != 0.0);
         sum += weight * received.rgb;
         weights += weight;
     }

@@ -29,44 +29,39 @@ use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 
 use super::forward::{ForwardCamera, ForwardView};
 use super::gather::GatherView;
-use super::schedule::{GiSystems, supported_render_app};
+use super::schedule::GiSystems;
 use super::settings::{FrugalGi, GiOutput};
 use super::sky::SkyCamera;
 use super::view::{GiShare, GiView, SkySource};
 use pipelines::{CompositePipeline, CompositePipelines};
 
-pub(super) struct CompositePlugin;
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "composite.wgsl");
+}
 
-impl Plugin for CompositePlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "composite.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<CompositePipelines>()
-            .add_systems(
-                Render,
-                (
-                    leave_out_volumes
-                        .after(RenderSystems::ExtractCommands)
-                        .before(RenderSystems::PrepareAssets),
-                    pipelines::prepare.in_set(RenderSystems::Prepare),
-                ),
-            )
-            .add_systems(
-                Core3d,
-                (
-                    composite.in_set(GiSystems::Composite),
-                    composite_alone
-                        .in_set(Core3dSystems::MainPass)
-                        .after(main_opaque_pass_3d)
-                        .before(main_transmissive_pass_3d)
-                        .before(main_transparent_pass_3d),
-                ),
-            );
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<CompositePipelines>()
+        .add_systems(
+            Render,
+            (
+                leave_out_volumes
+                    .after(RenderSystems::ExtractCommands)
+                    .before(RenderSystems::PrepareAssets),
+                pipelines::prepare.in_set(RenderSystems::Prepare),
+            ),
+        )
+        .add_systems(
+            Core3d,
+            (
+                composite.in_set(GiSystems::Composite),
+                composite_alone
+                    .in_set(Core3dSystems::MainPass)
+                    .after(main_opaque_pass_3d)
+                    .before(main_transmissive_pass_3d)
+                    .before(main_transparent_pass_3d),
+            ),
+        );
 }
 
 /// A GI camera's view.

@@ -210,7 +210,7 @@ fn rest_weight(rested: u32) -> f32 {
 }
 
 /// Gives every filtered view its history, and removes that of others.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

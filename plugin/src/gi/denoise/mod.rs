@@ -7,21 +7,21 @@ use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::ShaderDefVal;
 
 use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with};
 use super::gather::{GatherSettings, GatherView};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::settings::FrugalGi;
 use super::view::GiView;
-pub(super) use history::History;
+pub(super) use history::{History, prepare};
 use history::{LENGTH_FORMAT, Reprojection};
 
 /// Window sizes with a pipeline.
@@ -36,22 +36,16 @@ fn window(gi: &FrugalGi) -> u32 {
     gi.interleave.side().max(rays)
 }
 
-pub(super) struct DenoisePlugin;
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "spatial.wgsl");
+    embedded_asset!(app, "temporal.wgsl");
+}
 
-impl Plugin for DenoisePlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "spatial.wgsl");
-        embedded_asset!(app, "temporal.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<DenoiseKernels>()
-            .add_observer(drop_with::<GiView, History>)
-            .add_systems(Render, history::prepare.in_set(PrepareSystems::Denoise))
-            .add_systems(Core3d, denoise.in_set(PassSystems::Denoise));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<DenoiseKernels>()
+        .add_observer(drop_with::<GiView, History>)
+        .add_systems(Core3d, denoise.in_set(PassSystems::Denoise));
 }
 
 #[derive(Resource)]

@@ -8,7 +8,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::gather::Gather
 #import bevy_frugal_gi::gi::view::noise::luminance
-#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, plane_tolerance, representative, shown_at, surface_affinity}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -42,13 +42,12 @@ fn filter_spatially(
         let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells));
         let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
-        let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
-        let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
+        let shown = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
         let found = textureLoad(gathered, cell, 0).rgb;
         // The largest half float. NaN compares false.
         let valid = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
-        positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, valid), inside && depth > 0.0));
-        normals[i] = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
+        positions[i] = vec4(shown.position, select(0.0, select(-1.0, 1.0, valid), inside && shown.depth > 0.0));
+        normals[i] = shown.normal;
         light[i] = select(vec3(0.0), found, valid);
     }
     workgroupBarrier();

@@ -13,7 +13,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::gather::Gather
 #import bevy_frugal_gi::gi::view::noise::{luminance, pixel_noise}
-#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, pixel_position, plane_tolerance, representative, shown_at, surface_affinity}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -144,10 +144,10 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let step = vec2(gather.cell_width, gather.cell_height);
     let pixel = representative(id.xy, step, size);
-    let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
+    let here = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
     let own = textureLoad(filtered, id.xy, 0);
-    let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
+    let position = here.position;
+    let normal = here.normal;
     let tolerance = plane_tolerance(apparent_distance(view.clip_from_view, distance(position, view.world_position)));
     let light = luminance(own.rgb);
     var sum = own.rgb;
@@ -161,15 +161,13 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
             let tap = vec2<i32>(id.xy) + vec2(x, y) * STEP;
             let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && any(vec2(x, y) != vec2(0));
             let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
-            let there = representative(cell, step, size);
-            let there_depth = textureLoad(depth_buffer, in_g_buffer(there, view.viewport), 0);
-            let delta = pixel_position(there, size, max(there_depth, 1e-30), view.world_from_clip) - position;
+            let there = shown_at(representative(cell, step, size), g_buffer, depth_buffer, view.viewport, view.world_from_clip);
             let found = textureLoad(filtered, cell, 0);
-            let alike = surface_affinity(delta, normal, surface_normal(textureLoad(g_buffer, in_g_buffer(there, view.viewport), 0)), tolerance);
+            let alike = surface_affinity(there.position - position, normal, there.normal, tolerance);
             let difference = luminance(found.rgb) - light;
             let noise = ERRORS * ERRORS * (own.a * own.a + found.a * found.a);
             let explained = exp(-difference * difference / max(noise, 1e-12));
-            let wide = select(0.0, spline(x) * spline(y) * alike, inside && there_depth > 0.0);
+            let wide = select(0.0, spline(x) * spline(y) * alike, inside && there.depth > 0.0);
             let weight = wide * explained;
             let counts = weight > 0.0;
             sum += select(vec3(0.0), weight * found.rgb, counts);
@@ -198,5 +196,5 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     textureStore(lengths, id.xy, vec4(select(1.0, 1.0 / share, share > 0.0), 0.0, 0.0, 0.0));
     let delta = position - view.world_position;
     let away = min(select(length(delta), -dot(delta, view.world_from_view[2].xyz), view.clip_from_view[3][3] == 1.0), 60000.0);
-    textureStore(accumulated, id.xy, vec4(select(vec3(0.0), shown, depth > 0.0), select(0.0, away, depth > 0.0)));
+    textureStore(accumulated, id.xy, vec4(select(vec3(0.0), shown, here.depth > 0.0), select(0.0, away, here.depth > 0.0)));
 }

@@ -11,56 +11,43 @@ mod emission;
 mod emitters;
 mod surface;
 
-use bevy::app::{App, Plugin, PostUpdate};
+use bevy::app::{App, PostUpdate};
 use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::ecs::prelude::*;
-use bevy::render::Render;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::BufferId;
 use bevy::render::renderer::RenderQueue;
 use bevy::transform::TransformSystems;
 
-use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
+use super::schedule::SceneSystems;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 pub use emitters::GiEmitters;
 
-pub(super) struct EmissivePlugin;
-
-impl Plugin for EmissivePlugin {
-    fn build(&self, app: &mut App) {
-        app.init_resource::<GiEmitters>()
-            .init_resource::<emitters::EmissiveState>()
-            .add_plugins(ExtractResourcePlugin::<GiEmitters>::default())
-            .add_systems(
-                PostUpdate,
-                // After this frame's asset events and transforms: a surface that becomes emissive
-                // lights others in the same frame.
-                (emitters::update, emitters::note_presence.run_if(resource_changed::<GiEmitters>))
-                    .chain()
-                    .in_set(SceneSystems::Emissive)
-                    .after(AssetEventSystems)
-                    .after(TransformSystems::Propagate)
-                    .after(VisibilitySystems::VisibilityPropagate),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app.add_systems(
-            Render,
-            (reserve.in_set(PrepareSystems::Reserve), upload.in_set(PrepareSystems::Emissive)),
+pub(super) fn build(app: &mut App) {
+    app.init_resource::<GiEmitters>()
+        .init_resource::<emitters::EmissiveState>()
+        .add_plugins(ExtractResourcePlugin::<GiEmitters>::default())
+        .add_systems(
+            PostUpdate,
+            // After this frame's asset events and transforms: a surface that becomes emissive
+            // lights others in the same frame.
+            (emitters::update, emitters::note_presence.run_if(resource_changed::<GiEmitters>))
+                .chain()
+                .in_set(SceneSystems::Emissive)
+                .after(AssetEventSystems)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
         );
-    }
 }
 
-fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) {
+pub(super) fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) {
     store.reserve(TexelRange::Emissive, emitters.texel_count());
 }
 
 /// Uploads the texels of emissive surfaces into the store when they changed or the store did.
 /// `uploaded`: the buffer that holds them, and the index of the first one.
-fn upload(
+pub(super) fn upload(
     mut uploaded: Local<Option<(BufferId, u32)>>,
     mut store: ResMut<TexelStore>,
     emitters: Res<GiEmitters>,

@@ -27,47 +27,38 @@ use bevy::render::{Extract, GpuResourceAppExt, Render, RenderSystems};
 
 use super::compute::{Kernel, definitions, drop_with};
 use super::forward::{ForwardView, PLACES, places_kernel, volume_uniform, write_places};
-use super::schedule::{PrepareSystems, supported_render_app};
 use super::view::{ActiveGi, GiView};
 
 /// Steps of the camera's own march for one of this: indirect light changes slowly.
 const OWN_STEPS: u32 = 4;
 
-pub(super) struct FogPlugin;
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "places.wgsl");
+    embedded_asset!(app, "scatter.wgsl");
+}
 
-impl Plugin for FogPlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "places.wgsl");
-        embedded_asset!(app, "scatter.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_resource::<Fogs>()
-            .init_gpu_resource::<FogPipelines>()
-            .add_observer(drop_with::<ForwardView, FogView>)
-            .add_systems(ExtractSchedule, extract)
-            .add_systems(
-                Render,
-                (
-                    replace_ambient_light
-                        .after(RenderSystems::ExtractCommands)
-                        .before(RenderSystems::PrepareAssets),
-                    prepare.in_set(PrepareSystems::Fog),
-                ),
-            )
-            // Bevy's own fog comes between the main pass and this.
-            .add_systems(
-                Core3d,
-                scatter.in_set(Core3dSystems::EarlyPostProcess).before(temporal_anti_alias),
-            );
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_resource::<Fogs>()
+        .init_gpu_resource::<FogPipelines>()
+        .add_observer(drop_with::<ForwardView, FogView>)
+        .add_systems(ExtractSchedule, extract)
+        .add_systems(
+            Render,
+            replace_ambient_light
+                .after(RenderSystems::ExtractCommands)
+                .before(RenderSystems::PrepareAssets),
+        )
+        // Bevy's own fog comes between the main pass and this.
+        .add_systems(
+            Core3d,
+            scatter.in_set(Core3dSystems::EarlyPostProcess).before(temporal_anti_alias),
+        );
 }
 
 /// `fog/scatter.wgsl`'s `Fog`.
 #[derive(Clone, Debug, PartialEq, ShaderType)]
-struct FogUniform {
+pub(super) struct FogUniform {
     local_from_world: Mat4,
     scattering: Vec3,
     extinction: f32,
@@ -105,14 +96,14 @@ fn finite(value: f32) -> f32 {
 
 /// The scene's fog volumes, with their density textures, and what is uploaded of them.
 #[derive(Resource, Default)]
-struct Fogs {
+pub(super) struct Fogs {
     volumes: Vec<(FogUniform, Option<AssetId<Image>>)>,
     buffer: DynamicUniformBuffer<FogUniform>,
 }
 
 /// Steps of a GI camera's march. In the render world, on cameras that draw fog.
 #[derive(Component)]
-struct FogCamera(u32);
+pub(super) struct FogCamera(u32);
 
 fn extract(
     mut commands: Commands,
@@ -157,7 +148,7 @@ impl FogView {
 }
 
 #[derive(Resource)]
-struct FogPipelines {
+pub(super) struct FogPipelines {
     places: Kernel,
     /// Without a density texture, and with one.
     layouts: [BindGroupLayoutDescriptor; 2],
@@ -239,7 +230,7 @@ impl SpecializedRenderPipeline for FogPipelines {
 }
 
 /// Makes and uploads what views with fog need.
-fn prepare(
+pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

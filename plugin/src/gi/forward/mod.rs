@@ -27,6 +27,7 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::prelude::*;
+use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
     texture_storage_3d, uniform_buffer, uniform_buffer_sized,
@@ -35,74 +36,60 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::texture::GpuImage;
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
-use bevy::shader::load_shader_library;
+use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
+use bevy::shader::{ShaderDefVal, load_shader_library};
 
-use super::compute::{Kernel, compute_pass, drop_with, read, write};
-use super::schedule::{
-    GiSystems, PassSystems, PrepareSystems, SceneSystems, is_not_off, supported_render_app,
-};
+use super::compute::{Kernel, compute_pass, definitions, drop_with, read, write};
+use super::schedule::{GiSystems, PassSystems, SceneSystems, is_not_off};
 use super::settings::FrugalGi;
 use super::sky::SkyCamera;
-use super::trace::{OccluderBuffers, TracedKernel};
+use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::VplView;
-pub(super) use view::{ForwardView, LOOKS, PROBE_BYTES, RAYS, VolumeSettings};
+pub(super) use view::{ForwardView, LOOKS, PROBE_BYTES, RAYS, VolumeSettings, prepare};
 pub(super) use volume::{ForwardCamera, PLACES};
 
-pub(super) struct ForwardPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "probe.wgsl");
+    embedded_asset!(app, "light.wgsl");
+    app.init_resource::<volume::ForwardDrawn>()
+        .add_plugins(ExtractComponentPlugin::<ForwardCamera>::default())
+        .add_observer(drop_with::<FrugalGi, ForwardCamera>)
+        .add_observer(volume::despawn)
+        .add_systems(
+            PostUpdate,
+            (
+                volume::place.in_set(SceneSystems::Maps),
+                volume::show_to_its_camera
+                    .after(VisibilitySystems::CheckVisibility)
+                    .run_if(is_not_off),
+            ),
+        );
+}
 
-impl Plugin for ForwardPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "probe.wgsl");
-        embedded_asset!(app, "light.wgsl");
-        app.init_resource::<volume::ForwardDrawn>()
-            .add_observer(drop_with::<FrugalGi, ForwardCamera>)
-            .add_observer(volume::despawn)
-            .add_systems(
-                PostUpdate,
-                (
-                    volume::place.in_set(SceneSystems::Maps),
-                    volume::show_to_its_camera
-                        .after(VisibilitySystems::CheckVisibility)
-                        .run_if(is_not_off),
-                ),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let drawn = app.world().resource::<volume::ForwardDrawn>().clone();
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .insert_resource(drawn)
-            .init_gpu_resource::<ForwardKernels>()
-            .add_observer(drop_with::<GiView, ForwardView>)
-            .add_systems(ExtractSchedule, volume::extract)
-            .add_systems(
-                Render,
-                (
-                    volume::note_drawn.in_set(RenderSystems::PhaseSort),
-                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    view::prepare.in_set(PrepareSystems::Forward),
-                ),
-            )
-            .add_systems(
-                Core3d,
-                (
-                    light.in_set(PassSystems::Forward),
-                    fill.in_set(Core3dSystems::MainPass)
-                        .after(GiSystems::Composite)
-                        .before(main_opaque_pass_3d),
-                ),
-            );
-    }
+pub(super) fn finish(app: &mut App) {
+    let drawn = app.world().resource::<volume::ForwardDrawn>().clone();
+    app.sub_app_mut(RenderApp)
+        .insert_resource(drawn)
+        .init_gpu_resource::<ForwardKernels>()
+        .add_observer(drop_with::<GiView, ForwardView>)
+        .add_systems(Render, volume::note_drawn.in_set(RenderSystems::PhaseSort))
+        .add_systems(
+            Core3d,
+            (
+                light.in_set(PassSystems::Forward),
+                fill.in_set(Core3dSystems::MainPass)
+                    .after(GiSystems::Composite)
+                    .before(main_opaque_pass_3d),
+            ),
+        );
 }
 
 /// The pipelines. They are queued once a camera has a volume.
 #[derive(Resource)]
-struct ForwardKernels {
-    light: TracedKernel,
-    sky: TracedKernel,
+pub(super) struct ForwardKernels {
+    light: Kernel,
+    sky: Kernel,
     fill: Kernel,
     blacken: Kernel,
 }
@@ -118,16 +105,22 @@ impl FromWorld for ForwardKernels {
             BindGroupLayoutEntries::sequential(compute, (volume(), write(), read(), read()));
         let (light, fill) =
             (load_embedded_asset!(world, "light.wgsl"), load_embedded_asset!(world, "probe.wgsl"));
-        let traced = |label, entries: &[BindGroupLayoutEntry], definition: &str| {
-            TracedKernel::new(label, "light_probes", &light, entries, vec![definition.into()])
+        let traced = |label, entries: &[BindGroupLayoutEntry]| {
+            let kernel = Kernel::new(label, "light_probes", &light, entries);
+            kernel.with_group(OccluderBuffers::layout())
         };
         Self {
-            light: traced("frugal_gi/forward/light", &lit, "FACING"),
-            sky: traced("frugal_gi/forward/sky", &lit_by_sky, "SKY"),
+            light: traced("frugal_gi/forward/light", &lit),
+            sky: traced("frugal_gi/forward/sky", &lit_by_sky),
             fill: places_kernel("frugal_gi/forward/fill", "fill", &fill),
             blacken: places_kernel("frugal_gi/forward/blacken", "blacken", &fill),
         }
     }
+}
+
+/// Definitions of what lights places.
+fn light_variant(by_sky: bool) -> Vec<ShaderDefVal> {
+    definitions([(by_sky, "SKY"), (!by_sky, "FACING")])
 }
 
 /// A camera's [`VolumeSettings`] in a layout.
@@ -171,18 +164,17 @@ pub(super) fn write_places(
 }
 
 /// Queues the pipelines of cameras that have a volume.
-fn prepare_pipelines(
+pub(super) fn prepare_pipelines(
     mut kernels: ResMut<ForwardKernels>,
     cache: Res<PipelineCache>,
-    occluders: Res<OccluderBuffers>,
     cameras: Query<Has<SkyCamera>, With<ForwardCamera>>,
 ) {
     for has_sky in &cameras {
         kernels.fill.queue(&cache, Vec::new());
         kernels.blacken.queue(&cache, Vec::new());
-        kernels.light.queue(&cache, occluders.are_masked());
+        kernels.light.queue(&cache, light_variant(false));
         if has_sky {
-            kernels.sky.queue(&cache, occluders.are_masked());
+            kernels.sky.queue(&cache, light_variant(true));
         }
     }
 }
@@ -206,10 +198,9 @@ fn light(
 ) {
     let (view, vpl, forward, camera, view_offset, sky) = view.into_inner();
     write_volume(&kernels.blacken, &cache, &images, forward, camera, &mut context);
-    let has_masks = occluders.are_masked();
     let (Some(views), Some(light), Some(traced_group)) = (
         view_uniforms.uniforms.binding(),
-        kernels.light.get(&cache, has_masks),
+        kernels.light.get(&cache, &light_variant(false)),
         occluders.bind_group(),
     ) else {
         return;
@@ -219,7 +210,7 @@ fn light(
     }
     let (settings, probes) =
         (forward.settings_buffer.as_entire_binding(), forward.probes.as_entire_binding());
-    let lighting = kernels.light.kernel.bind(
+    let lighting = kernels.light.bind(
         &context,
         &cache,
         &BindGroupEntries::sequential((
@@ -231,11 +222,11 @@ fn light(
         )),
     );
     let by_sky = sky.filter(|_| view.sky_samples > 0).and_then(|sky| {
-        let pipeline = kernels.sky.get(&cache, has_masks)?;
+        let pipeline = kernels.sky.get(&cache, &light_variant(true))?;
         let samples = sky.samples.as_entire_binding();
         let plan = sky.plan_buffer.as_entire_binding();
         let entries = BindGroupEntries::sequential((settings, probes, samples, plan));
-        Some((pipeline, kernels.sky.kernel.bind(&context, &cache, &entries)))
+        Some((pipeline, kernels.sky.bind(&context, &cache, &entries)))
     });
     let clears = [(&forward.probes, 0, None)];
     let clears = if forward.begins { &clears[..] } else { &[] };

@@ -115,7 +115,7 @@ impl ForwardView {
 }
 
 /// Gives every view whose camera has a volume its places, and takes them from the others.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

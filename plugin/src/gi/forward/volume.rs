@@ -14,10 +14,10 @@ use bevy::light::cluster::ClusterVisibilityClass;
 use bevy::light::{EnvironmentMapLight, FogVolume, IrradianceVolume, VolumetricFog};
 use bevy::pbr::Transmissive3d;
 use bevy::prelude::*;
-use bevy::render::Extract;
+use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_phase::{ViewBinnedRenderPhases, ViewSortedRenderPhases};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
-use bevy::render::sync_world::{MainEntity, RenderEntity};
+use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
 use crate::gi::settings::{FrugalGi, GiOutput};
@@ -35,7 +35,7 @@ const SPACINGS: [f32; 2] = [0.01, 100.0];
 pub(super) struct ForwardDrawn(Arc<Mutex<EntityHashSet>>);
 
 /// A camera's volume. In both worlds.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct ForwardCamera {
     volume: Entity,
     /// What Bevy samples.
@@ -192,18 +192,5 @@ pub(super) fn show_to_its_camera(
             Some(own) => *probe == own || !all.contains(*probe),
             None => !ours.contains(*probe),
         });
-    }
-}
-
-pub(super) fn extract(
-    mut commands: Commands,
-    cameras: Extract<Query<(RenderEntity, Option<&ForwardCamera>), With<FrugalGi>>>,
-) {
-    for (entity, camera) in &cameras {
-        let Ok(mut entity) = commands.get_entity(entity) else { continue };
-        match camera {
-            Some(camera) => entity.insert(*camera),
-            None => entity.remove::<ForwardCamera>(),
-        };
     }
 }

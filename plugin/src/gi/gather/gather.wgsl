@@ -10,7 +10,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::view::surface::{
-    apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, representative, surface_normal,
+    apparent_distance, image_size, pixel_width, representative, shown_at,
 }
 #import bevy_frugal_gi::gi::vpl::vpl::{Plan, Vpl, from_vpl}
 #ifdef RAYS
@@ -129,19 +129,15 @@ fn gather_vpls(
     if any(cell >= textureDimensions(irradiance)) {
         return;
     }
-    let size = image_size(view.viewport);
-    let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
-    let texel = in_g_buffer(pixel, view.viewport);
-    let depth = textureLoad(depth_buffer, texel, 0);
-    if depth == 0.0 {
+    let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), image_size(view.viewport));
+    let shown = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
+    if shown.depth == 0.0 {
         textureStore(irradiance, cell, vec4(0.0));
         return;
     }
-    let position = pixel_position(pixel, size, depth, view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, texel, 0));
-    var light = gathered(which_set, cell, position, normal);
+    var light = gathered(which_set, cell, shown.position, shown.normal);
 #ifdef SKY_RAYS
-    light += gathered_sky(which_set, cell, position, normal);
+    light += gathered_sky(which_set, cell, shown.position, shown.normal);
 #endif
     // Exposed before it is stored, so that half floats hold any scene; brighter values are white
     // anyway.

@@ -4,6 +4,7 @@ use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
@@ -11,56 +12,37 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::texture::CachedTexture;
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{ShaderDefVal, load_shader_library};
 use bytemuck::{Pod, Zeroable};
 
 use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, filled_buffer, read};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
-use super::trace::{OccluderBuffers, TracedKernel};
+use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::VplView;
 
 /// Label of irradiance textures.
 const IRRADIANCE: &str = "frugal_gi/gather/irradiance";
 
-pub(super) struct GatherPlugin;
-
-impl Plugin for GatherPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "gather.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<GatherKernels>()
-            .add_observer(drop_with::<GiView, GatherView>)
-            .add_systems(
-                Render,
-                (
-                    prepare_pipelines.in_set(PrepareSystems::GatherPipelines),
-                    prepare.in_set(PrepareSystems::Gather),
-                ),
-            )
-            .add_systems(Core3d, gather.in_set(PassSystems::Gather));
-    }
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "gather.wgsl");
 }
 
-/// Pipelines without a sky and alpha masks are queued from the beginning, others once a camera needs
-/// them.
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<GatherKernels>()
+        .add_observer(drop_with::<GiView, GatherView>)
+        .add_systems(Core3d, gather.in_set(PassSystems::Gather));
+}
+
+/// Pipelines without a sky are queued from the beginning, others once a camera needs them.
 #[derive(Resource)]
 pub(super) struct GatherKernels {
     without_rays: Kernel,
-    /// With few rays, and with many; each without a sky and with one.
-    traced: [[TracedKernel; 2]; 2],
-}
-
-/// Index of the kernels for so many rays.
-fn index(visibility: GiVisibility) -> usize {
-    usize::from(visibility == GiVisibility::Fine)
+    /// Without a sky and with one.
+    traced: [Kernel; 2],
 }
 
 /// Definitions of a gather that traces.
@@ -91,38 +73,30 @@ impl FromWorld for GatherKernels {
         let with_sky = [&*without_sky, &*sky].concat();
         let (label, entry_point) = ("frugal_gi/gather", "gather_vpls");
         let shader = load_embedded_asset!(world, "gather.wgsl");
-        let traced = |visibility| {
-            [(false, &without_sky[..]), (true, &with_sky[..])].map(|(has_sky, entries)| {
-                let definitions = ray_definitions(visibility, has_sky);
-                TracedKernel::new(label, entry_point, &shader, entries, definitions)
-            })
-        };
-        let mut kernels = Self {
-            without_rays: Kernel::new(label, entry_point, &shader, &without_sky),
-            traced: [GiVisibility::Coarse, GiVisibility::Fine].map(traced),
-        };
+        let kernel =
+            |entries: &[BindGroupLayoutEntry]| Kernel::new(label, entry_point, &shader, entries);
+        let [traced, traced_by_sky] = [&without_sky[..], &with_sky[..]]
+            .map(|entries| kernel(entries).with_group(OccluderBuffers::layout()));
         let cache = world.resource::<PipelineCache>();
-        kernels.without_rays.queue(cache, Vec::new());
-        kernels.traced.iter_mut().for_each(|[without_sky, _]| without_sky.queue(cache, false));
-        kernels
+        let variants = [GiVisibility::Coarse, GiVisibility::Fine];
+        let variants = variants.map(|visibility| ray_definitions(visibility, false));
+        Self {
+            without_rays: kernel(&without_sky).queued(cache, [vec![]]),
+            traced: [traced.queued(cache, variants), traced_by_sky],
+        }
     }
 }
 
-/// Queues the pipelines that cameras need, and keeps a sky inactive until its own is compiled.
-fn prepare_pipelines(
+/// Queues the pipelines that cameras need for a sky, and keeps it inactive until they are compiled.
+pub(super) fn prepare_pipelines(
     mut kernels: ResMut<GatherKernels>,
     cache: Res<PipelineCache>,
-    occluders: Res<OccluderBuffers>,
-    mut cameras: Query<(&FrugalGi, Option<&mut SkyCamera>)>,
+    mut cameras: Query<(&FrugalGi, &mut SkyCamera)>,
 ) {
-    for (gi, sky) in cameras.iter_mut().filter(|(gi, _)| gi.traces()) {
-        let [without_sky, with_sky] = &mut kernels.traced[index(gi.visibility)];
-        // The sky may be inactive.
-        without_sky.queue(&cache, occluders.are_masked());
-        if let Some(mut sky) = sky {
-            with_sky.queue(&cache, occluders.are_masked());
-            sky.is_active &= with_sky.get(&cache, false).is_some();
-        }
+    for (gi, mut sky) in cameras.iter_mut().filter(|(gi, _)| gi.traces()) {
+        let definitions = ray_definitions(gi.visibility, true);
+        kernels.traced[1].queue(&cache, definitions.clone());
+        sky.is_active &= kernels.traced[1].get(&cache, &definitions).is_some();
     }
 }
 
@@ -148,13 +122,14 @@ pub(super) fn gather(
     }
     let sky = sky.filter(|_| view.sky_samples > 0);
     let is_traced = view.gi.visibility != GiVisibility::None;
-    let (kernel, pipeline) = if is_traced {
-        let traced = &kernels.traced[index(view.gi.visibility)][usize::from(sky.is_some())];
-        (&traced.kernel, traced.get(&cache, occluders.are_masked()))
+    let (kernel, definitions) = if is_traced {
+        let traced = &kernels.traced[usize::from(sky.is_some())];
+        (traced, ray_definitions(view.gi.visibility, sky.is_some()))
     } else {
-        (&kernels.without_rays, kernels.without_rays.get(&cache, &[]))
+        (&kernels.without_rays, Vec::new())
     };
-    let (Some(camera), Some(pipeline)) = (CameraInputs::new(prepass, &view_uniforms), pipeline)
+    let (Some(camera), Some(pipeline)) =
+        (CameraInputs::new(prepass, &view_uniforms), kernel.get(&cache, &definitions))
     else {
         return;
     };
@@ -193,8 +168,6 @@ pub(super) struct GatherView {
     /// That of the frame before, of views that filter. It may have another resolution.
     pub previous: Option<CachedTexture>,
     pub settings: Buffer,
-    /// The content of `settings`.
-    made_for: GatherSettings,
 }
 
 impl GatherView {
@@ -268,7 +241,7 @@ pub(super) fn texture_bytes(texture: &CachedTexture) -> u64 {
 }
 
 /// Gives every view its irradiance texture and its settings.
-fn prepare(
+pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -284,14 +257,10 @@ fn prepare(
                 irradiance: irradiance_texture(&device, IRRADIANCE, view.cells()),
                 previous: None,
                 settings: filled_buffer(&device, label, bytes, usage),
-                made_for: settings,
             });
             continue;
         };
-        if held.made_for != settings {
-            queue.write_buffer(&held.settings, 0, bytes);
-            held.made_for = settings;
-        }
+        queue.write_buffer(&held.settings, 0, bytes);
         // Those that filter swap textures when their history advances.
         if !view.gi.filters() {
             held.previous = None;

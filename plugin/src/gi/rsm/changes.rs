@@ -1,7 +1,7 @@
 //! Where the scene changed since the last frame.
 
 use bevy::asset::{Asset, AssetEvent, AssetId, Assets, VisitAssetDependencies};
-use bevy::camera::primitives::Aabb;
+use bevy::camera::primitives::{Aabb, Sphere};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
@@ -13,16 +13,16 @@ use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::HashSet;
 use bevy::transform::components::GlobalTransform;
 
-use super::extent::BoundingSphere;
+use super::extent::sphere_around;
 use crate::cut::CUT_DISTANCE;
 use crate::gi::surfaces::{MeshChanges, changed_asset};
 
 /// What changed since the last frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct SceneChanges {
     /// Meshes came, went, moved or changed: where they were and where they are. Empty where
     /// `everywhere`.
-    pub spheres: Vec<BoundingSphere>,
+    pub spheres: Vec<Sphere>,
     /// Something changed, and nobody knows where.
     pub everywhere: bool,
     /// An asset of the scene was added, changed or removed.
@@ -42,7 +42,7 @@ impl SceneChanges {
 #[derive(Clone, Copy)]
 struct Known {
     /// `None`: Bevy has not measured it, or never does.
-    around: Option<BoundingSphere>,
+    around: Option<Sphere>,
     origin: Vec3,
 }
 
@@ -77,7 +77,7 @@ impl SceneReader<'_, '_> {
         for mesh in &self.mesh_changes.touched {
             // Gone.
             let Ok((aabb, transform)) = self.meshes.get(*mesh) else { continue };
-            let around = aabb.map(|aabb| BoundingSphere::mesh(aabb, transform));
+            let around = aabb.map(|aabb| sphere_around(aabb, transform));
             let origin = transform.translation();
             let was = self.known.insert(*mesh, Known { around, origin });
             let jump = was.map(|was| origin - was.origin);
@@ -87,8 +87,7 @@ impl SceneReader<'_, '_> {
             }
             match around {
                 Some(is) => {
-                    let was = was.and_then(|was| was.around);
-                    changes.spheres.extend(was.filter(|was| *was != is));
+                    changes.spheres.extend(was.and_then(|was| was.around));
                     changes.spheres.push(is);
                 }
                 None => changes.everywhere = true,

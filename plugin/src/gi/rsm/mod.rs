@@ -17,7 +17,7 @@
 //! | `specs` | main | the maps that should exist |
 //! | `map` | both | a map's data, and where its texels lie |
 //! | `views` | main | keeps a hidden camera for each map |
-//! | `changes`, `extent` | main | where the scene changed, what a map can show, the box around all |
+//! | `changes`, `extent` | main | where the scene changed, where meshes are, the box around all |
 //! | `refresh` | main | which maps are rendered in a frame |
 //! | `drawn` | main | which meshes a map draws |
 //! | `resolve` | render | turns a map's G-buffer into texels |
@@ -36,7 +36,7 @@ mod selection;
 mod specs;
 mod views;
 
-use bevy::app::{App, Plugin, PostUpdate};
+use bevy::app::{App, PostUpdate, SubApp};
 use bevy::asset::embedded_asset;
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::schedule::Core3d;
@@ -44,52 +44,41 @@ use bevy::ecs::prelude::*;
 use bevy::render::extract_component::{ExtractComponentPlugin, UniformComponentPlugin};
 use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 
-use super::schedule::{GiSystems, PrepareSystems, SceneSystems, supported_render_app};
+use super::schedule::{GiSystems, SceneSystems};
 pub(super) use lights::RsmLight;
 pub(super) use map::LightMap;
 pub use map::RsmView;
-pub(super) use resolve::resolve;
+pub(super) use resolve::{reserve, resolve};
 
-pub(super) struct RsmPlugin;
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "resolve.wgsl");
+    app.register_type::<RsmView>()
+        .init_resource::<extent::SceneBox>()
+        .init_resource::<views::MapsReweighted>()
+        .init_resource::<selection::LightSelection>()
+        .init_resource::<map::MapSlots>()
+        .add_plugins((
+            ExtractComponentPlugin::<LightMap>::default(),
+            UniformComponentPlugin::<RsmLight>::default(),
+        ))
+        .add_systems(
+            PostUpdate,
+            (
+                (extent::update_scene_box.run_if(extent::is_touched), views::maintain)
+                    .chain()
+                    .in_set(SceneSystems::Maps),
+                refresh::decide.in_set(SceneSystems::Refresh),
+                drawn::list
+                    .in_set(VisibilitySystems::CheckVisibility)
+                    .in_set(SceneSystems::Drawn)
+                    .run_if(drawn::is_needed),
+            ),
+        );
+}
 
-impl Plugin for RsmPlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "resolve.wgsl");
-        app.register_type::<RsmView>()
-            .init_resource::<extent::SceneBox>()
-            .init_resource::<views::MapsReweighted>()
-            .init_resource::<selection::LightSelection>()
-            .init_resource::<map::MapSlots>()
-            .add_plugins((
-                ExtractComponentPlugin::<LightMap>::default(),
-                UniformComponentPlugin::<RsmLight>::default(),
-            ))
-            .add_systems(
-                PostUpdate,
-                (
-                    (extent::update_scene_box.run_if(extent::is_touched), views::maintain)
-                        .chain()
-                        .in_set(SceneSystems::Maps),
-                    refresh::decide.in_set(SceneSystems::Refresh),
-                    drawn::list
-                        .in_set(VisibilitySystems::CheckVisibility)
-                        .in_set(SceneSystems::Drawn)
-                        .run_if(drawn::is_needed),
-                ),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<resolve::RsmKernel>()
-            .add_systems(
-                Render,
-                (
-                    resolve::drop_main_phases.in_set(RenderSystems::CreateViews),
-                    resolve::reserve.in_set(PrepareSystems::Reserve),
-                ),
-            )
-            .add_systems(Core3d, resolve.in_set(GiSystems::Resolve));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<resolve::RsmKernel>()
+        .add_systems(Render, resolve::drop_main_phases.in_set(RenderSystems::CreateViews))
+        .add_systems(Core3d, resolve.in_set(GiSystems::Resolve));
 }

@@ -3,8 +3,9 @@
 
 use std::any::TypeId;
 
+use bevy::camera::Camera;
+use bevy::camera::primitives::{Frustum, Sphere};
 use bevy::camera::visibility::VisibleEntities;
-use bevy::camera::{Camera, Projection};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
@@ -15,7 +16,6 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
 use super::changes::{SceneReader, shift};
-use super::extent::{BoundingSphere, MapExtent};
 use super::map::{LightMap, MapAge, RsmView};
 use super::views::MapsReweighted;
 use crate::cut::Jumps;
@@ -29,8 +29,7 @@ use crate::schedule::PipelinesBusy;
 #[query_data(mutable)]
 pub(super) struct DueMap {
     view: &'static RsmView,
-    place: &'static GlobalTransform,
-    projection: &'static Projection,
+    frustum: &'static Frustum,
     map: &'static mut LightMap,
     camera: &'static mut Camera,
 }
@@ -119,13 +118,10 @@ pub(super) fn decide(
 }
 
 /// Marks maps as stale that can show a change: all, or those that meet a sphere.
-fn mark(maps: &mut [DueMapItem], spheres: &[BoundingSphere], everywhere: bool) {
-    for DueMapItem { place, projection, map, .. } in maps {
-        let is_hit = || {
-            let extent = MapExtent::new(&place.compute_transform(), projection);
-            spheres.iter().any(|sphere| extent.meets(sphere))
-        };
-        if map.age.stale == 0 && (everywhere || !spheres.is_empty() && is_hit()) {
+fn mark(maps: &mut [DueMapItem], spheres: &[Sphere], everywhere: bool) {
+    for DueMapItem { frustum, map, .. } in maps {
+        let is_hit = || spheres.iter().any(|sphere| frustum.intersects_sphere(sphere, true));
+        if map.age.stale == 0 && (everywhere || is_hit()) {
             map.age.stale = 1;
         }
     }

@@ -70,7 +70,7 @@ pub(super) fn drop_main_phases(
 }
 
 /// Reserves the texels of all maps.
-pub(super) fn reserve(mut store: ResMut<TexelStore>, maps: Query<&RsmLight, With<RsmView>>) {
+pub(in crate::gi) fn reserve(mut store: ResMut<TexelStore>, maps: Query<&RsmLight, With<RsmView>>) {
     let ends = maps.iter().map(|light| light.texel_offset + light.resolution.pow(2));
     store.reserve(TexelRange::Maps, ends.max().unwrap_or(0) as usize);
 }

@@ -2,9 +2,9 @@
 //! would count twice, and once without shadows.
 //!
 //! Bevy puts the map of each view into the list of light probes that it binds. There, and only for
-//! these views, another cube replaces the diffuse map: a black one, or while GI comes or goes a dimmed
-//! copy. The app's component, the specular map, other views and other probes stay as they are. Two terms
-//! are lost with it: the diffuse light of meshes that are not deferred and out of reach of
+//! these views, a dimmed copy replaces the diffuse map: black, but while GI comes or goes. The app's
+//! component, the specular map, other views and other probes stay as they are. Two terms are lost with it:
+//! the diffuse light of meshes that are not deferred and out of reach of
 //! [`forward`](crate::gi::forward), and the multiple scattering of rough metals, which Bevy reads from
 //! the same map.
 
@@ -15,7 +15,6 @@ use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::light::EnvironmentMapLight;
 use bevy::pbr::RenderViewLightProbes;
-use bevy::platform::collections::HashMap;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -30,23 +29,21 @@ use crate::gi::view::{GiShare, SkySource};
 /// Most texels along an edge of a dimmed copy.
 const MAX_EDGE: u32 = 64;
 
-/// What replaces diffuse maps. What no camera has any more is dropped.
+/// What replaces the diffuse maps of views. What no camera has any more is dropped.
 #[derive(Resource, Default)]
-pub(super) struct Cubes {
-    black: Option<Texture>,
-    /// Black cubes by the map that each replaces: the same texture, but each with that map's sampler,
-    /// since Bevy samples the specular map with it, too.
-    names: HashMap<AssetId<Image>, AssetId<Image>>,
-    dimmed: EntityHashMap<Dimmed>,
-}
+pub(in crate::gi) struct Cubes(EntityHashMap<Dimmed>);
 
 /// A dimmed copy of a view's diffuse map.
 struct Dimmed {
     name: AssetId<Image>,
     texture: Texture,
-    /// Share of the map's light that is left.
-    share: Buffer,
     replaced: TextureId,
+    /// Share of the map's light that is left.
+    left: f32,
+    /// The same on the GPU.
+    share: Buffer,
+    /// Whether it changed in this frame.
+    is_due: bool,
 }
 
 type SkyViews = (
@@ -57,25 +54,17 @@ type SkyViews = (
     &'static mut RenderViewLightProbes<EnvironmentMapLight>,
 );
 
-pub(super) fn take_out_diffuse(
+pub(in crate::gi) fn take_out_diffuse(
     mut cubes: ResMut<Cubes>,
     mut images: ResMut<RenderAssets<GpuImage>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     mut views: Query<SkyViews>,
 ) {
-    let Cubes { black, names, dimmed } = &mut *cubes;
-    names.retain(|replaced, name| {
-        let is_used = views.iter().any(|(_, _, source, ..)| source.diffuse == *replaced);
-        if !is_used {
-            images.remove(*name);
-        }
-        is_used
-    });
-    dimmed.retain(|view, copy| {
-        let is_used = views.get(*view).is_ok_and(|(_, camera, source, share, _)| {
+    cubes.0.retain(|view, copy| {
+        let is_used = views.get(*view).is_ok_and(|(_, camera, source, ..)| {
             let replaced = images.get(source.diffuse).map(|image| image.texture.id());
-            camera.is_active && share.0 < 1.0 && replaced == Some(copy.replaced)
+            camera.is_active && replaced == Some(copy.replaced)
         });
         if !is_used {
             images.remove(copy.name);
@@ -94,38 +83,28 @@ pub(super) fn take_out_diffuse(
             continue;
         };
         let Some(replaced) = images.get(source.diffuse) else { continue };
+        // Bevy samples the specular map with this sampler, too.
         let (id, sampler) = (replaced.texture.id(), replaced.sampler.clone());
-        let new = || AssetId::Uuid { uuid: Uuid::new_v4() };
-        if share.0 >= 1.0 {
-            let texture = black.get_or_insert_with(|| {
-                device.create_texture_with_data(&queue, &BLACK, default(), &[0; 6 * 4])
-            });
-            let name = *names.entry(source.diffuse).or_insert_with(new);
-            // The map may have been reloaded.
-            if images.get(name).is_none_or(|old| old.sampler.id() != sampler.id()) {
-                images.insert(name, cube(texture, BLACK, sampler));
-            }
-            ids.diffuse = name;
-            continue;
-        }
         let edge = replaced.texture_descriptor.size.width.clamp(1, MAX_EDGE);
-        let copy = dimmed.entry(view).or_insert_with(|| {
+        let copy = cubes.0.entry(view).or_insert_with(|| {
             let size = Extent3d { width: edge, height: edge, depth_or_array_layers: 6 };
             let descriptor = TextureDescriptor { size, ..DIMMED };
+            // Black at first.
             let texture = device.create_texture(&descriptor);
-            let name = new();
+            let name = AssetId::Uuid { uuid: Uuid::new_v4() };
             images.insert(name, cube(&texture, descriptor, sampler));
             let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
             let share = empty_buffer(&device, "frugal_gi/sky/share", 16, usage);
-            Dimmed { name, texture, share, replaced: id }
+            Dimmed { name, texture, replaced: id, left: 0.0, share, is_due: false }
         });
-        let left = [1.0 - share.0, 0.0, 0.0, 0.0];
-        queue.write_buffer(&copy.share, 0, bytemuck::cast_slice(&left));
+        let left = 1.0 - share.0;
+        copy.is_due = std::mem::replace(&mut copy.left, left) != left;
+        queue.write_buffer(&copy.share, 0, bytemuck::cast_slice(&[left, 0.0, 0.0, 0.0]));
         ids.diffuse = copy.name;
     }
 }
 
-/// In a GI camera's view: fills its dimmed copy.
+/// In a GI camera's view: fills its dimmed copy, where another share of the light is left.
 pub(super) fn dim(
     view: ViewQuery<(Entity, &SkySource)>,
     cubes: Res<Cubes>,
@@ -135,9 +114,8 @@ pub(super) fn dim(
     mut context: RenderContext,
 ) {
     let (view, source) = view.into_inner();
-    let (Some(copy), Some(image)) = (cubes.dimmed.get(&view), images.get(source.diffuse)) else {
-        return;
-    };
+    let copy = cubes.0.get(&view).filter(|copy| copy.is_due);
+    let (Some(copy), Some(image)) = (copy, images.get(source.diffuse)) else { return };
     let Some(pipeline) = kernels.dim.get(&cache, &[]) else { return };
     let (from, to) = (faces(&image.texture), faces(&copy.texture));
     let entries = BindGroupEntries::sequential((&from, copy.share.as_entire_binding(), &to));
@@ -166,20 +144,13 @@ fn cube(texture: &Texture, texture_descriptor: CubeDescriptor, sampler: Sampler)
     }
 }
 
-const BLACK: CubeDescriptor = TextureDescriptor {
-    label: Some("frugal_gi/sky/black"),
+const DIMMED: CubeDescriptor = TextureDescriptor {
+    label: Some("frugal_gi/sky/dimmed"),
     size: Extent3d { width: 1, height: 1, depth_or_array_layers: 6 },
     mip_level_count: 1,
     sample_count: 1,
     dimension: TextureDimension::D2,
-    format: TextureFormat::Rgba8Unorm,
-    usage: TextureUsages::TEXTURE_BINDING.union(TextureUsages::COPY_DST),
-    view_formats: &[],
-};
-
-const DIMMED: CubeDescriptor = TextureDescriptor {
-    label: Some("frugal_gi/sky/dimmed"),
     format: TextureFormat::Rgba16Float,
     usage: TextureUsages::TEXTURE_BINDING.union(TextureUsages::STORAGE_BINDING),
-    ..BLACK
+    view_formats: &[],
 };

@@ -119,7 +119,7 @@ impl SkyCamera {
 
 /// Gives every GI camera that traces rays to an environment map its buffers, and removes those of
 /// others.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     mut kernels: ResMut<SkyKernels>,
     device: Res<RenderDevice>,
@@ -167,7 +167,7 @@ pub(super) fn prepare(
 }
 
 /// Tells every sky which samples its camera takes in this frame.
-pub(super) fn prepare_sequences(
+pub(in crate::gi) fn prepare_sequences(
     queue: Res<RenderQueue>,
     mut cameras: Query<(&GiView, &mut SkyCamera)>,
 ) {

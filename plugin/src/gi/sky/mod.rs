@@ -18,57 +18,44 @@ mod camera;
 
 use std::sync::atomic::Ordering;
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, SubApp};
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::texture::GpuImage;
 use bevy::render::view::{ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 use bevy::utils::default;
 
 use super::compute::{CameraInputs, compute_pass};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::trace::OccluderBuffers;
 use super::view::{GiView, SkySource};
+pub(super) use ambient::take_out_diffuse;
 use camera::SkyKernels;
 pub(super) use camera::{
     SKY_LIGHT_BYTES, STEPS, STRATA, STRATA_PER_GROUP, SkyCamera, SkyInputs, SkyPlan, SkyReading,
+    prepare, prepare_sequences,
 };
 
-pub(super) struct SkyPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "sky.wgsl");
+    embedded_asset!(app, "fill.wgsl");
+    embedded_asset!(app, "weigh.wgsl");
+    embedded_asset!(app, "sample.wgsl");
+    embedded_asset!(app, "dim.wgsl");
+}
 
-impl Plugin for SkyPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "sky.wgsl");
-        embedded_asset!(app, "fill.wgsl");
-        embedded_asset!(app, "weigh.wgsl");
-        embedded_asset!(app, "sample.wgsl");
-        embedded_asset!(app, "dim.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<SkyKernels>()
-            .init_gpu_resource::<ambient::Cubes>()
-            .add_systems(
-                Render,
-                (
-                    camera::prepare.in_set(PrepareSystems::Sky),
-                    // After views decide on their work.
-                    camera::prepare_sequences.in_set(PrepareSystems::Gather),
-                    // Reads whose sky is gathered in this frame.
-                    ambient::take_out_diffuse.in_set(PrepareSystems::Environment),
-                ),
-            )
-            .add_systems(Core3d, (sample, ambient::dim).in_set(PassSystems::Sky));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<SkyKernels>()
+        .init_gpu_resource::<ambient::Cubes>()
+        .add_systems(Core3d, (sample, ambient::dim).in_set(PassSystems::Sky));
 }
 
 /// The six faces of a cube map, for shaders that load or store texels.

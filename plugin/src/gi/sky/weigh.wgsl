@@ -3,12 +3,14 @@
 //
 // Every stratum's importance includes visibility, which bounced light has by tiles alone
 // (`vpl/weigh.wgsl`). Indoors nearly all of the sky is occluded, and nearly all samples without
-// visibility would be wasted; and the sky has few strata, so that a few thousand rays suffice.
+// visibility would be wasted; and the sky has few strata, so that a few thousand rays suffice. They take
+// no holes of alpha masks (SOLID): importance is a guess.
+#define SOLID
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
 #import bevy_frugal_gi::gi::vpl::vpl::{COLUMNS, IMPORTANCE_POINTS, importance_pixel}
-#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, pixel_width, shown_at}
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_open, surface_offset}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -23,10 +25,9 @@ var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     begin_trace(lane);
     let size = image_size(view.viewport);
-    let pixel = importance_pixel(lane, size);
-    let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
-    let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
+    let shown = shown_at(importance_pixel(lane, size), g_buffer, depth_buffer, view.viewport, view.world_from_clip);
+    let position = shown.position;
+    let normal = shown.normal;
 
     let first = group.x * SKY_STRATA_PER_RAY;
     var own = vec4(0.0);
@@ -37,7 +38,7 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let direction = strata[first + (lane + lane / COLUMNS) % SKY_STRATA_PER_RAY].direction;
     let eye = distance(position, view.world_position);
     let origin = position + normal * surface_offset(position, apparent_distance(view.clip_from_view, eye), pixel_width(view.clip_from_view, size.y, eye));
-    let reaches = depth > 0.0 && dot(normal, direction) > 0.0 && is_open(origin, direction);
+    let reaches = shown.depth > 0.0 && dot(normal, direction) > 0.0 && is_open(origin, direction);
     cosines[lane] = select(vec4(0.0), own, reaches);
     workgroupBarrier();
     if lane < SKY_STRATA_PER_RAY {

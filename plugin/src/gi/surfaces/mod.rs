@@ -10,7 +10,7 @@ mod reflectance;
 mod scan;
 mod set;
 
-use bevy::app::{App, Plugin, PostUpdate};
+use bevy::app::{App, PostUpdate};
 use bevy::asset::{Asset, AssetEvent, AssetEventSystems, AssetId};
 use bevy::camera::visibility::{
     NoFrustumCulling, RenderLayers, VisibilityRange, VisibilitySystems,
@@ -28,6 +28,7 @@ use bevy::transform::TransformSystems;
 
 use super::schedule::SceneSystems;
 pub use copies::GiTextureCopies;
+pub(super) use copies::finish;
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use mesh::{MeshTexture, Sides, SurfaceAssets, TextureUse, Triangles, triangles};
 pub(super) use points::{
@@ -40,22 +41,18 @@ pub(super) use set::{
     SurfaceSet,
 };
 
-pub(super) struct SurfacesPlugin;
-
-impl Plugin for SurfacesPlugin {
-    fn build(&self, app: &mut App) {
-        app.init_resource::<MeshChanges>().add_systems(
-            PostUpdate,
-            // Need this frame's asset events, final transforms, boxes and visibility.
-            note_changes
-                .in_set(SceneSystems::Changes)
-                .after(AssetEventSystems)
-                .after(TransformSystems::Propagate)
-                .after(VisibilitySystems::VisibilityPropagate)
-                .after(VisibilitySystems::CalculateBounds),
-        );
-        app.add_plugins(copies::CopyPlugin);
-    }
+pub(super) fn build(app: &mut App) {
+    app.init_resource::<MeshChanges>().add_systems(
+        PostUpdate,
+        // Need this frame's asset events, final transforms, boxes and visibility.
+        note_changes
+            .in_set(SceneSystems::Changes)
+            .after(AssetEventSystems)
+            .after(TransformSystems::Propagate)
+            .after(VisibilitySystems::VisibilityPropagate)
+            .after(VisibilitySystems::CalculateBounds),
+    );
+    copies::build(app);
 }
 
 /// What changed of meshes since the last frame.

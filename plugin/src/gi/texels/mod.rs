@@ -4,16 +4,16 @@
 //! Light sources reserve a [range](TexelRange) each, in every frame, and write their texels into
 //! it. A camera samples the [rows](TexelRow) of those ranges that light it.
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, SubApp};
 use bevy::ecs::prelude::*;
 use bevy::math::Vec3;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 use bytemuck::{Pod, Zeroable};
 
-use super::schedule::{PrepareSystems, supported_render_app};
+use super::compute::empty_buffer;
 use super::settings::FrugalGi;
 
 /// Bytes of a [`Texel`]. A test compares it with the shader.
@@ -94,23 +94,16 @@ impl TexelStore {
     }
 }
 
-pub(super) struct TexelPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "texels.wgsl");
+}
 
-impl Plugin for TexelPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "texels.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<TexelStore>()
-            .add_systems(Render, allocate.in_set(PrepareSystems::Texels));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app.init_gpu_resource::<TexelStore>();
 }
 
 /// Resizes the buffer to the reserved texels, and drops it where there are none.
-fn allocate(
+pub(super) fn allocate(
     mut store: ResMut<TexelStore>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -128,12 +121,8 @@ fn allocate(
     if store.texels.as_ref().is_some_and(|old| old.size() == size) {
         return;
     }
-    let new = device.create_buffer(&BufferDescriptor {
-        label: Some("frugal_gi/texels"),
-        size,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
+    let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+    let new = empty_buffer(&device, "frugal_gi/texels", size, usage);
     // Keeps the maps' texels, which stay in place while ranges grow or shrink, so that the maps need
     // not be rendered again.
     if let Some(old) = store.texels.as_ref().filter(|_| kept > 0) {

@@ -2,16 +2,15 @@
 
 use bevy::ecs::prelude::*;
 use bevy::render::Extract;
-use bevy::render::render_resource::binding_types::storage_buffer_read_only_sized;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use super::bvh::Node;
 use super::mesh::{Instance, TriangleWords};
 use super::mirror::Upload;
-use super::occluders::{GiOccluders, OccluderScene};
+use super::occluders::OccluderScene;
 use super::wide::WideNode;
-use crate::gi::compute::empty_buffer;
+use crate::gi::compute::{empty_buffer, read};
 use crate::gi::settings::FrugalGi;
 use crate::gi::texels::TexelStore;
 use crate::gi::view::SkySource;
@@ -93,7 +92,6 @@ pub(in crate::gi) struct OccluderBuffers {
     /// In the order of the bindings.
     arrays: [ArrayBuffer; 4],
     bind_group: Option<BindGroup>,
-    are_masked: bool,
     uploaded: u64,
 }
 
@@ -123,7 +121,6 @@ impl OccluderBuffers {
     /// Layout of group 1. Not a field of the resource, since the renderer creates resources in no
     /// particular order.
     pub(crate) fn layout() -> BindGroupLayoutDescriptor {
-        let read = || storage_buffer_read_only_sized(false, None);
         let entries = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
             (read(), read(), read(), read()),
@@ -134,11 +131,6 @@ impl OccluderBuffers {
     /// Group 1, while a camera traces.
     pub(crate) fn bind_group(&self) -> Option<&BindGroup> {
         self.bind_group.as_ref()
-    }
-
-    /// Whether any triangle has holes, which shaders test only where MASKS is defined.
-    pub(crate) fn are_masked(&self) -> bool {
-        self.are_masked
     }
 
     /// The buffers of group 1, in the order of its bindings.
@@ -158,20 +150,6 @@ impl OccluderBuffers {
     }
 }
 
-/// Bytes that a renderer with room for everything would upload, if it last did so at the versions
-/// `held`; they become the current ones.
-pub(in crate::gi) fn missing_bytes(world: &World, held: &mut [u64; 4]) -> u64 {
-    let Some(scene) = world.get_resource::<OccluderScene>() else { return 0 };
-    let mut bytes = 0;
-    for (array, held) in held.iter_mut().enumerate() {
-        if let Some(upload) = missing(scene, array, *held, usize::MAX) {
-            *held = upload.version;
-            bytes += upload.pieces.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
-        }
-    }
-    bytes
-}
-
 /// Takes what changed out of the main world.
 pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<OccluderScene>>) {
     for (array, buffer) in buffers.arrays.iter_mut().enumerate() {
@@ -180,9 +158,8 @@ pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<O
 }
 
 /// Uploads changes to the GPU; drops all buffers while no camera traces rays.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut buffers: ResMut<OccluderBuffers>,
-    occluders: Res<GiOccluders>,
     store: Res<TexelStore>,
     cameras: Query<(&FrugalGi, Has<SkySource>)>,
     device: Res<RenderDevice>,
@@ -197,11 +174,10 @@ pub(super) fn prepare(
         store.texels.is_some() || has_sky && gi.environment_samples > 0
     };
     if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
-        (buffers.bind_group, buffers.are_masked) = (None, false);
+        buffers.bind_group = None;
         buffers.arrays.iter_mut().for_each(ArrayBuffer::drop_buffer);
         return;
     }
-    buffers.are_masked = occluders.is_masked;
     // No binding may be empty; behind a node that no ray intersects, nothing is read.
     let nothing = [0_u8; 64];
     for (index, array) in buffers.arrays.iter_mut().enumerate() {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use bevy::platform::collections::HashMap;
 use range_alloc::RangeAllocator;
 
-use super::mesh::{MeshBvh, SOLID, TriangleWords};
+use super::mesh::{MeshBvh, TriangleWords};
 use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::trees::{JointBvhs, Tree, TreeKey, Trees};
 use super::wide::WideNode;
@@ -20,7 +20,6 @@ struct PlacedPiece {
     joint: u16,
     nodes: Range<usize>,
     triangles: Range<usize>,
-    is_masked: bool,
 }
 
 /// A tree in the arrays.
@@ -62,8 +61,6 @@ pub(super) struct Geometry {
     node_ranges: Ranges,
     triangle_ranges: Ranges,
     placed: HashMap<TreeKey, PlacedTree>,
-    /// Number of pieces with holes.
-    pub masked: usize,
     /// Number of triangles in all trees.
     pub triangle_count: usize,
 }
@@ -111,7 +108,6 @@ impl Geometry {
 
     fn take_out(&mut self, key: &TreeKey) {
         for piece in self.placed.remove(key).map(|tree| tree.pieces).unwrap_or_default() {
-            self.masked -= usize::from(piece.is_masked);
             self.triangle_count -= piece.triangles.len();
             self.node_ranges.0.free_range(piece.nodes);
             self.triangle_ranges.0.free_range(piece.triangles);
@@ -137,10 +133,8 @@ impl Geometry {
             piece.nodes.iter().map(|node| node.moved(nodes.start, triangles.start)).collect();
         self.nodes.write(nodes.start, &moved);
         self.triangles.write(triangles.start, &piece.triangles);
-        let is_masked = piece.triangles.iter().any(|triangle| triangle.map() != SOLID);
-        self.masked += usize::from(is_masked);
         self.triangle_count += triangles.len();
-        Some(PlacedPiece { joint, nodes, triangles, is_masked })
+        Some(PlacedPiece { joint, nodes, triangles })
     }
 
     /// Ends a version of both arrays.
@@ -155,7 +149,7 @@ impl Geometry {
         self.triangles.take();
         (self.node_ranges, self.triangle_ranges) = Default::default();
         self.placed.clear();
-        (self.masked, self.triangle_count) = (0, 0);
+        self.triangle_count = 0;
     }
 }
 
@@ -165,6 +159,7 @@ mod tests {
     use bevy::asset::uuid::Uuid;
     use bevy::math::Vec3;
 
+    use super::super::mesh::SOLID;
     use super::super::wide::below;
     use super::*;
 

@@ -53,11 +53,6 @@ impl TriangleWords {
             map_high: (map >> 32) as u32,
         }
     }
-
-    /// Its micromap.
-    pub(crate) fn map(&self) -> u64 {
-        u64::from(self.map_high) << 32 | u64::from(self.map_low)
-    }
 }
 
 /// One mesh's triangles in a tree, in the mesh's own space.

@@ -32,14 +32,12 @@ mod wide;
 
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_resource::ExtractResourcePlugin;
-use bevy::render::render_resource::{BindGroupLayoutEntry, ComputePipeline, PipelineCache};
-use bevy::render::{GpuResourceAppExt, Render};
-use bevy::shader::{ShaderDefVal, load_shader_library};
+use bevy::shader::load_shader_library;
 
-use super::compute::Kernel;
-use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
-pub(super) use buffers::{OccluderBuffers, missing_bytes};
+use super::schedule::SceneSystems;
+pub(super) use buffers::{OccluderBuffers, prepare};
 pub use occluders::GiOccluders;
 pub(super) use wide::MAX_LEVELS;
 
@@ -51,72 +49,23 @@ pub(super) const STRUCT_BYTES: [(&str, u64); 4] = [
     ("Triangle", size_of::<mesh::TriangleWords>() as u64),
 ];
 
-pub(super) struct TracePlugin;
-
-impl Plugin for TracePlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "trace.wgsl");
-        app.init_resource::<GiOccluders>()
-            .init_resource::<occluders::OccluderScene>()
-            .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
-            .add_systems(
-                PostUpdate,
-                // Reads final transforms and visibility.
-                occluders::update
-                    .in_set(SceneSystems::Surfaces)
-                    .after(TransformSystems::Propagate)
-                    .after(VisibilitySystems::VisibilityPropagate),
-            );
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<OccluderBuffers>()
-            .add_systems(ExtractSchedule, buffers::extract)
-            .add_systems(Render, buffers::prepare.in_set(PrepareSystems::Trace));
-    }
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "trace.wgsl");
+    app.init_resource::<GiOccluders>()
+        .init_resource::<occluders::OccluderScene>()
+        .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
+        .add_systems(
+            PostUpdate,
+            // Reads final transforms and visibility.
+            occluders::update
+                .in_set(SceneSystems::Surfaces)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
+        );
 }
 
-/// A kernel that traces. Its pipelines test alpha masks only in scenes that have any.
-pub(super) struct TracedKernel {
-    pub(super) kernel: Kernel,
-    /// Without and with masks.
-    definitions: [Vec<ShaderDefVal>; 2],
-}
-
-impl TracedKernel {
-    /// `entries`: of bind group 0; group 1 has the occluders.
-    pub(super) fn new(
-        label: &'static str,
-        entry_point: &'static str,
-        shader: &Handle<Shader>,
-        entries: &[BindGroupLayoutEntry],
-        definitions: Vec<ShaderDefVal>,
-    ) -> Self {
-        let kernel = Kernel::new(label, entry_point, shader, entries);
-        let masked = [&*definitions, &["MASKS".into()]].concat();
-        let kernel = kernel.with_group(OccluderBuffers::layout());
-        Self { kernel, definitions: [definitions, masked] }
-    }
-
-    /// Queues the pipeline that treats all triangles as solid, and the one that tests masks where there
-    /// are any, unless they were before.
-    pub(super) fn queue(&mut self, cache: &PipelineCache, has_masks: bool) {
-        for definitions in &self.definitions[..=usize::from(has_masks)] {
-            self.kernel.queue(cache, definitions.clone());
-        }
-    }
-
-    /// The pipeline that tests masks, or the other one, if it is compiled; until then, the one that
-    /// treats all triangles as solid.
-    pub(super) fn get<'a>(
-        &self,
-        cache: &'a PipelineCache,
-        has_masks: bool,
-    ) -> Option<&'a ComputePipeline> {
-        let compiled =
-            |has_masks| self.kernel.get(cache, &self.definitions[usize::from(has_masks)]);
-        compiled(has_masks).or_else(|| compiled(false))
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<OccluderBuffers>()
+        .add_systems(ExtractSchedule, buffers::extract);
 }

@@ -43,7 +43,6 @@ pub struct GiOccluders {
     triangles: usize,
     instances: usize,
     is_kept: bool,
-    pub(super) is_masked: bool,
 }
 
 impl GiOccluders {
@@ -229,7 +228,6 @@ pub(super) fn update(
         triangles: scene.geometry.triangle_count,
         instances: scene.top.len(),
         is_kept: true,
-        is_masked: scene.geometry.masked > 0,
     });
 }
 

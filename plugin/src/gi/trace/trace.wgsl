@@ -6,8 +6,6 @@
 // is the same in both.
 //
 // An entry point that traces calls `begin_trace` first.
-//
-// Alpha masks are tested only where MASKS is defined, since the test costs time without any, too.
 #define_import_path bevy_frugal_gi::gi::trace::trace
 
 struct Node {
@@ -98,7 +96,11 @@ fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
     return near <= far * 1.0000004;
 }
 
-#ifdef MASKS
+#ifdef SOLID
+fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
+    return true;
+}
+#else
 /// Whether a triangle is opaque at the barycentric weights of its second and third corner.
 fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
     let across = second * 8.0;
@@ -109,10 +111,6 @@ fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
     // corner and by rounding on the longest side this may be a neighbour.
     let micro_triangle = row * (15u - row) + u32(along) + u32(across + along);
     return (select(triangle.map_low, triangle.map_high, micro_triangle >= 32u) >> (micro_triangle & 31u) & 1u) == 1u;
-}
-#else
-fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
-    return true;
 }
 #endif
 

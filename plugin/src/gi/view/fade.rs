@@ -26,12 +26,11 @@ pub(in crate::gi) struct ActiveGi {
     gi: FrugalGi,
     /// 0 to 1.
     share: f32,
-    is_new: bool,
 }
 
 impl Default for ActiveGi {
     fn default() -> Self {
-        Self { gi: FrugalGi { vpl_count: 0, ..Default::default() }, share: 0.0, is_new: true }
+        Self { gi: FrugalGi { vpl_count: 0, ..Default::default() }, share: 0.0 }
     }
 }
 
@@ -51,7 +50,7 @@ impl ActiveGi {
 
     /// Goes on by a step of the fade towards `gi`; to its end if `jumps`.
     fn advance(&mut self, gi: &FrugalGi, step: f32, jumps: bool) {
-        let jumps = jumps || std::mem::take(&mut self.is_new) || gi.output != self.gi.output;
+        let jumps = jumps || gi.output != self.gi.output;
         let gathers = gi.gathers();
         // NaN counts as a whole step.
         let step = if jumps || step.is_nan() { 1.0 } else { step };
@@ -94,7 +93,9 @@ pub(super) fn advance(
     // Baked volumes light a camera as soon as it does not gather, and cannot fade.
     let are_baked = !baked.is_empty();
     for (camera, gi, mut active, is_cut) in &mut cameras {
-        active.advance(gi, step, is_cut || are_baked || !camera.is_active);
+        // A camera begins with all of its light.
+        let jumps = active.is_added() || is_cut || are_baked || !camera.is_active;
+        active.advance(gi, step, jumps);
     }
 }
 
@@ -108,8 +109,7 @@ mod tests {
         let on = FrugalGi { vpl_count: 64, ..Default::default() };
         let off = FrugalGi { vpl_count: 0, bounces: 1, ..Default::default() };
         let mut active = ActiveGi::default();
-        // A camera begins with all of its light.
-        active.advance(&on, 0.25, false);
+        active.advance(&on, 0.25, true);
         assert_eq!((active.share(), &active.gi), (1.0, &on));
         active.advance(&off, 0.25, false);
         assert_eq!((active.share(), &active.gi), (0.75, &on));
@@ -130,7 +130,7 @@ mod tests {
         let off = FrugalGi { vpl_count: 0, ..Default::default() };
         let lit = || {
             let mut active = ActiveGi::default();
-            active.advance(&FrugalGi::default(), 0.0, false);
+            active.advance(&FrugalGi::default(), 0.0, true);
             active
         };
         for (step, jumps) in [(0.0, true), (f32::NAN, false), (f32::INFINITY, false)] {

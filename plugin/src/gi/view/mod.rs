@@ -16,7 +16,7 @@ mod work;
 
 use std::sync::Arc;
 
-use bevy::app::{App, Plugin, PostUpdate};
+use bevy::app::{App, PostUpdate, SubApp};
 use bevy::ecs::prelude::*;
 use bevy::math::{DMat4, DVec3, Mat4, UVec2, Vec3};
 use bevy::render::ExtractSchedule;
@@ -27,7 +27,7 @@ use bevy::render::view::ExtractedView;
 use bevy::shader::load_shader_library;
 
 use super::compute::drop_with;
-use super::schedule::{SceneSystems, supported_render_app};
+use super::schedule::SceneSystems;
 use super::settings::{FrugalGi, GiPixelFraction};
 use super::texels::{TexelRow, same_layout};
 pub use crate::cut::CameraCut;
@@ -38,33 +38,27 @@ pub(super) use frame::{GiFrame, MapChanges};
 pub(super) use shown::{GiCameras, LightPresence, MeshVisibility, SkySource, VisibilityFilter};
 pub(super) use work::{HistoryAction, Work};
 
-pub(super) struct ViewPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "noise.wgsl");
+    load_shader_library!(app, "surface.wgsl");
+    app.init_resource::<LightPresence>()
+        .init_resource::<GiRefresh>()
+        .register_type::<GiRefresh>()
+        .init_resource::<GiFrame>()
+        .add_plugins((
+            ExtractResourcePlugin::<Jumps>::default(),
+            ExtractResourcePlugin::<GiRefresh>::default(),
+            ExtractResourcePlugin::<GiFrame>::default(),
+            ExtractComponentPlugin::<ActiveGi>::default(),
+        ))
+        .add_systems(PostUpdate, fade::advance.in_set(SceneSystems::Settings))
+        .add_observer(drop_with::<FrugalGi, ActiveGi>)
+        .register_required_components::<FrugalGi, ActiveGi>();
+    crate::cut::build(app);
+}
 
-impl Plugin for ViewPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "noise.wgsl");
-        load_shader_library!(app, "surface.wgsl");
-        app.init_resource::<LightPresence>()
-            .init_resource::<GiRefresh>()
-            .register_type::<GiRefresh>()
-            .init_resource::<GiFrame>()
-            .add_plugins((
-                ExtractResourcePlugin::<Jumps>::default(),
-                ExtractResourcePlugin::<GiRefresh>::default(),
-                ExtractResourcePlugin::<GiFrame>::default(),
-                ExtractComponentPlugin::<ActiveGi>::default(),
-            ))
-            .add_systems(PostUpdate, fade::advance.in_set(SceneSystems::Settings))
-            .add_observer(drop_with::<FrugalGi, ActiveGi>)
-            .register_required_components::<FrugalGi, ActiveGi>();
-        crate::cut::build(app);
-    }
-
-    fn finish(&self, app: &mut App) {
-        if let Some(render_app) = supported_render_app(app) {
-            render_app.add_systems(ExtractSchedule, shown::extract_environments);
-        }
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app.add_systems(ExtractSchedule, shown::extract_environments);
 }
 
 /// A GI camera that has light to gather, and its work in this frame. In the render world.

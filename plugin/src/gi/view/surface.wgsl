@@ -84,6 +84,24 @@ fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
 #endif
 }
 
+/// What a pixel of a view's image shows.
+struct Shown {
+    /// Reverse z; 0 where there is no surface.
+    depth: f32,
+    /// World space, metres.
+    position: vec3<f32>,
+    /// World space, unit length, on the visible side.
+    normal: vec3<f32>,
+}
+
+/// The surface in a pixel of a view with these matrices of Bevy's `View`.
+fn shown_at(pixel: vec2<u32>, g_buffer: texture_2d<u32>, depth_buffer: texture_depth_2d, viewport: vec4<f32>, world_from_clip: mat4x4<f32>) -> Shown {
+    let texel = in_g_buffer(pixel, viewport);
+    let depth = textureLoad(depth_buffer, texel, 0);
+    let position = pixel_position(pixel, image_size(viewport), max(depth, 1e-30), world_from_clip);
+    return Shown(depth, position, surface_normal(textureLoad(g_buffer, texel, 0)));
+}
+
 fn read_surface(texel: vec4<u32>, pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip: mat4x4<f32>) -> Surface {
     return Surface(pixel_position(pixel, size, depth, world_from_clip), surface_normal(texel));
 }

@@ -3,46 +3,40 @@
 mod passes;
 mod view;
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, SubApp};
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
+use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniformOffset, ViewUniforms};
-use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 
 use super::compute::{CameraInputs, compute_pass, drop_with};
-use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::schedule::PassSystems;
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 pub(super) use passes::{SampleInputs, TILE_GROUP, TILE_POINTS, VplKernels, WEIGH_GROUP};
 pub(super) use view::{
     IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, SamplingBuffers, VPL_BYTES,
-    VplPlan, VplView,
+    VplPlan, VplView, prepare,
 };
 
-pub(super) struct VplPlugin;
+pub(super) fn build(app: &mut App) {
+    load_shader_library!(app, "vpl.wgsl");
+    embedded_asset!(app, "tile_visibility.wgsl");
+    embedded_asset!(app, "weigh.wgsl");
+    embedded_asset!(app, "sample.wgsl");
+}
 
-impl Plugin for VplPlugin {
-    fn build(&self, app: &mut App) {
-        load_shader_library!(app, "vpl.wgsl");
-        embedded_asset!(app, "tile_visibility.wgsl");
-        embedded_asset!(app, "weigh.wgsl");
-        embedded_asset!(app, "sample.wgsl");
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<VplKernels>()
-            .add_observer(drop_with::<GiView, VplView>)
-            .add_systems(Render, view::prepare.in_set(PrepareSystems::Vpl))
-            .add_systems(Core3d, sample.in_set(PassSystems::Vpl));
-    }
+pub(super) fn finish(render_app: &mut SubApp) {
+    render_app
+        .init_gpu_resource::<VplKernels>()
+        .add_observer(drop_with::<GiView, VplView>)
+        .add_systems(Core3d, sample.in_set(PassSystems::Vpl));
 }
 
 /// In a GI camera's view: weights the texels of its maps and samples its VPLs.

@@ -36,11 +36,6 @@ fn weigh_variant(is_traced: bool) -> Vec<ShaderDefVal> {
     definitions([(is_traced, "TILE_VISIBILITY")])
 }
 
-/// The tile visibility always tests alpha masks.
-fn tile_variant() -> Vec<ShaderDefVal> {
-    vec!["MASKS".into()]
-}
-
 impl FromWorld for VplKernels {
     fn from_world(world: &mut World) -> Self {
         let compute = ShaderStages::COMPUTE;
@@ -71,7 +66,7 @@ impl FromWorld for VplKernels {
             weigh_texels: weigh("weigh_texels").queued(cache, variants()),
             trace_tiles: Kernel::new("frugal_gi/vpl/tiles", "trace_tiles", &tiles, &tracing)
                 .with_group(OccluderBuffers::layout())
-                .queued(cache, [tile_variant()]),
+                .queued(cache, [vec![]]),
             accumulate_rows: sample("accumulate_rows").queued(cache, [vec![]]),
             accumulate_maps: sample("accumulate_maps").queued(cache, [vec![]]),
             sample: sample("sample_vpls").queued(cache, variants()),
@@ -147,7 +142,7 @@ impl VplKernels {
         ));
         let variant = weigh_variant(is_traced);
         Some(SamplingPasses {
-            trace_tiles: self.trace_tiles.get(cache, &tile_variant())?,
+            trace_tiles: self.trace_tiles.get(cache, &[])?,
             find_defensive_term: self.find_defensive_term.get(cache, &variant)?,
             weigh_texels: self.weigh_texels.get(cache, &variant)?,
             accumulate_rows: self.accumulate_rows.get(cache, &[])?,

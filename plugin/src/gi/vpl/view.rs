@@ -91,7 +91,7 @@ fn sampling_buffers(device: &RenderDevice, view: &GiView) -> Option<SamplingBuff
 }
 
 /// Gives every view the buffers that its plan and its rows of texels need.
-pub(super) fn prepare(
+pub(in crate::gi) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -11,7 +11,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texels::{Row, TILE, Texel, is_cut, texel_luminance, texel_normal}
-#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, pixel_width, shown_at}
 #import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoint, ImportancePoints, importance_of, importance_pixel}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -28,17 +28,16 @@
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let size = image_size(view.viewport);
-    let pixel = importance_pixel(index, size);
-    let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
+    let shown = shown_at(importance_pixel(index, size), g_buffer, depth_buffer, view.viewport, view.world_from_clip);
     var point: ImportancePoint;
-    point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    point.normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
+    point.position = shown.position;
+    point.normal = shown.normal;
     // About the surface that a rectangle of the grid covers: distances below that cannot be
     // resolved.
     let delta = point.position - view.world_position;
     let near = apparent_distance(view.clip_from_view, 1.0);
     let reach = select(dot(delta, delta), 1.0, view.clip_from_view[3][3] == 1.0) * near * near;
-    point.radius_squared = select(0.0, clamp(0.02 * reach, 1e-12, 1e18), depth > 0.0);
+    point.radius_squared = select(0.0, clamp(0.02 * reach, 1e-12, 1e18), shown.depth > 0.0);
     point.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(delta, delta), 0.0, 1e30)));
     importance.points[index] = point;
 }

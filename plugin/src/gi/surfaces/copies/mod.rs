@@ -10,7 +10,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use bevy::app::{App, Plugin, PostUpdate};
+use bevy::app::{App, PostUpdate};
 use bevy::asset::{
     AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages, embedded_asset,
     load_embedded_asset,
@@ -20,7 +20,6 @@ use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::math::UVec2;
 use bevy::platform::collections::{HashMap, HashSet};
-use bevy::render::GpuResourceAppExt;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_asset::RenderAssets;
@@ -29,9 +28,10 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderGraph};
 use bevy::render::storage::{GpuShaderBuffer, ShaderBuffer};
 use bevy::render::texture::GpuImage;
+use bevy::render::{GpuResourceAppExt, RenderApp};
 
 use crate::gi::compute::{Kernel, compute_pass, filled_buffer, write};
-use crate::gi::schedule::{SceneSystems, supported_render_app};
+use crate::gi::schedule::SceneSystems;
 
 /// Most texels along a side of a copy. Emission and reflectance are averaged over surfaces, which
 /// hides finer ones; holes of masks are as fine as they are (`docs/limits.md`).
@@ -122,24 +122,19 @@ struct CopyRequest {
     frames: u32,
 }
 
-pub(super) struct CopyPlugin;
+pub(super) fn build(app: &mut App) {
+    embedded_asset!(app, "copy.wgsl");
+    app.init_resource::<GiTextureCopies>()
+        .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
+        // Before surfaces are read, so that they find no copy of an image that changed.
+        .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(AssetEventSystems));
+}
 
-impl Plugin for CopyPlugin {
-    fn build(&self, app: &mut App) {
-        embedded_asset!(app, "copy.wgsl");
-        app.init_resource::<GiTextureCopies>()
-            .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
-            // Before surfaces are read, so that they find no copy of an image that changed.
-            .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(AssetEventSystems));
-    }
-
-    fn finish(&self, app: &mut App) {
-        let Some(render_app) = supported_render_app(app) else { return };
-        render_app
-            .init_gpu_resource::<CopyKernel>()
-            .add_systems(RenderGraph, copy.before(camera_driver));
-        app.world_mut().resource_mut::<GiTextureCopies>().has_renderer = true;
-    }
+pub(in crate::gi) fn finish(app: &mut App) {
+    app.sub_app_mut(RenderApp)
+        .init_gpu_resource::<CopyKernel>()
+        .add_systems(RenderGraph, copy.before(camera_driver));
+    app.world_mut().resource_mut::<GiTextureCopies>().has_renderer = true;
 }
 
 /// Forgets copies of images that changed, and requests those that surfaces asked for.
