@@ -79,7 +79,8 @@ impl Chosen {
         }
     }
 
-    /// The patches among the candidates, padded; `None` where there are too few or too many of these.
+    /// The patches among the candidates, padded; `None` where there are too few of these. Raises the floor
+    /// where there are too many.
     fn choose(&mut self, places: &Places) -> Option<Vec<Patch>> {
         let all: Vec<PatchCandidate> =
             places.order.iter().flat_map(|index| &self.candidates[*index]).copied().collect();

@@ -66,11 +66,15 @@ impl Bounded {
 
     /// The sphere's centre in the world and its radius, metres.
     fn around(&self, affine: &Affine3A) -> (Vec3, f32) {
-        let Mat3A { x_axis, y_axis, z_axis } = affine.matrix3;
-        let squares = x_axis.length_squared() + y_axis.length_squared() + z_axis.length_squared();
         let center = affine.transform_point3a(self.around.center);
-        (center.into(), self.around.radius() * squares.sqrt())
+        (center.into(), self.around.radius() * most_stretch(&affine.matrix3))
     }
+}
+
+/// No vector becomes longer by a greater factor: the Frobenius norm.
+fn most_stretch(matrix: &Mat3A) -> f32 {
+    let Mat3A { x_axis, y_axis, z_axis } = matrix;
+    (x_axis.length_squared() + y_axis.length_squared() + z_axis.length_squared()).sqrt()
 }
 
 /// Points of a surface at every count that was asked for: they take longer to compute than patches.
@@ -127,12 +131,9 @@ impl PatchPoints {
         let affine = &instance.affine;
         let (center, radius) = points.around(affine);
         let spread = area_matrix(affine);
-        let squares = spread.x_axis.length_squared()
-            + spread.y_axis.length_squared()
-            + spread.z_axis.length_squared();
-        let area = points.points.area as f32;
-        // No area is stretched more. Rounding must not leave a point out.
-        let most = 1.001 * area * squares.sqrt() * focus.most_density(center, radius) / floor;
+        let most_area = points.points.area as f32 * most_stretch(&spread);
+        // Rounding must not leave a point out.
+        let most = 1.001 * most_area * focus.most_density(center, radius) / floor;
         let sides = instance.key.reflectance.sides.signs();
         let mut ranked = Vec::new();
         for side in 0..sides.len() as u32 {
