@@ -54,7 +54,7 @@ pub const STRUCT_BYTES: [(&str, u64); 19] = [
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 18] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 19] = [
     ("texels/texels.wgsl", "TILE", TILE as u64),
     ("vpl/vpl.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
@@ -72,6 +72,7 @@ pub const SHADER_CONSTANTS: [(&str, &str, u64); 18] = [
     ("forward/probe.wgsl", "ACROSS", PLACES.x as u64),
     ("forward/probe.wgsl", "UPWARDS", PLACES.y as u64),
     ("bounces/reflect.wgsl", "GROUP_PATCHES", bounces::PATCHES_PER_GROUP as u64),
+    ("bounces/reflect.wgsl", "PATCHES", bounces::PATCHES as u64),
     ("bounces/reflect.wgsl", "BOUNCE_VPLS", bounces::BOUNCE_VPLS.per_set as u64),
 ];
 

@@ -19,14 +19,14 @@ use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
 use crate::gi::view::GiFrame;
-use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, SamplingBuffers, VPL_BYTES, VplPlan};
+use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
-/// The bounce VPLs: every patch evaluates all of them.
+/// The bounce VPLs of the first round: every patch evaluates all of them.
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
     VplPlan { interleave: 1, sets: 1, per_set: 1024, sequence: 0 };
 
 /// Bytes of `bounces/reflect.wgsl`'s `PatchLight`. A test compares it with the shader.
-pub(in crate::gi) const PATCH_LIGHT_BYTES: u64 = 32;
+pub(in crate::gi) const PATCH_LIGHT_BYTES: u64 = 48;
 /// Rounds where all bounces are asked for. Fewer: the rest of the series is guessed before its rounds
 /// differ by a factor. More: proportionally more rays.
 const ROUNDS_OF_ALL: u32 = 2;
@@ -55,7 +55,7 @@ pub(super) struct LightInputs {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GiBouncesState {
-    /// The bounce VPLs, which light its patches (`vpl/vpl.wgsl`): one set, from the last round.
+    /// The bounce VPLs, which light its patches (`vpl/vpl.wgsl`): one set, of the first round.
     pub bounce_vpls: Buffer,
     /// Its patches' texels in the store.
     pub texels: Range<u32>,
@@ -70,8 +70,8 @@ pub(crate) struct BounceCamera {
     /// The bounce VPLs.
     pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
-    /// Samples the bounce VPLs of later rounds, from patches alone.
-    pub(super) sampling: SamplingBuffers,
+    /// VPLs of the patches' own light, for further rounds.
+    pub(super) emitters: Buffer,
     /// `bounces/reflect.wgsl`'s `PatchLight`s.
     pub(super) light: Buffer,
     /// `vpl/vpl.wgsl`'s `ImportancePoints`: patches that stand for all.
@@ -89,13 +89,6 @@ impl LightInputs {
     /// Whether the camera's sky lights patches.
     pub(super) fn has_sky(&self) -> bool {
         self.sky.is_some()
-    }
-
-    /// The rows of the patches alone.
-    fn rows(&self) -> Vec<TexelRow> {
-        let mut rows = Vec::new();
-        TexelRow::add_scattered(&mut rows, self.first_texel, PATCHES as u32);
-        rows
     }
 
     /// `bounces/reflect.wgsl`'s `PatchRange`, padded to the size of a uniform.
@@ -120,7 +113,7 @@ impl BounceCamera {
             bounce_vpls: empty("frugal_gi/bounces/bounce_vpls", vpl_bytes, vpl_usage),
             plan: filled("frugal_gi/bounces/plan", bytemuck::bytes_of(&BOUNCE_VPLS), storage),
             importance: empty("frugal_gi/bounces/importance", IMPORTANCE_POINTS_BYTES, storage),
-            sampling: SamplingBuffers::new(device, Arc::new(inputs.rows())),
+            emitters: empty("frugal_gi/bounces/emitters", PATCHES as u64 * VPL_BYTES, storage),
             light: empty(
                 "frugal_gi/bounces/light",
                 PATCHES as u64 * PATCH_LIGHT_BYTES,
@@ -147,8 +140,8 @@ impl BounceCamera {
 
     /// Bytes held on the GPU for this camera's patches, without their texels.
     pub(crate) fn bytes(&self) -> u64 {
-        let Self { patches, bounce_vpls, plan, importance, range, light, .. } = self;
-        bytes_of([patches, bounce_vpls, plan, importance, range, light]) + self.sampling.bytes()
+        let Self { patches, bounce_vpls, plan, emitters, importance, range, light, .. } = self;
+        bytes_of([patches, bounce_vpls, plan, emitters, importance, range, light])
     }
 
     /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
@@ -216,7 +209,6 @@ pub(in crate::gi) fn prepare(
             let place = |inputs: &LightInputs| (inputs.store, inputs.first_texel);
             if place(&held.inputs) != place(&inputs) {
                 clear();
-                held.sampling.set_rows(&queue, Arc::new(inputs.rows()));
             }
             if held.inputs.range_bytes() != inputs.range_bytes() {
                 queue.write_buffer(&held.range, 0, &inputs.range_bytes());

@@ -18,7 +18,7 @@ use crate::gi::texels::pack_normal;
 
 /// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
 /// patch.
-pub(super) const PATCHES: usize = 2048;
+pub(in crate::gi) const PATCHES: usize = 2048;
 
 /// Distance from the camera at which patches are half as dense, as a share of the range.
 const NEAR_SHARE: f32 = 0.1;

@@ -50,8 +50,7 @@ pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
 use camera::LightInputs;
 pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES, prepare};
-use choice::PATCHES;
-pub(super) use choice::Patch;
+pub(super) use choice::{PATCHES, Patch};
 pub use patches::GiPatches;
 
 /// Patches of a workgroup of `reflect.wgsl`.
@@ -79,17 +78,33 @@ pub(super) fn finish(render_app: &mut SubApp) {
         .add_systems(Core3d, reflect.in_set(PassSystems::Bounces));
 }
 
-/// Definitions of how patches reflect. `has_sky`: the camera's sky lights them.
-fn reflect_variant(has_sky: bool, shading: GiShading) -> Vec<ShaderDefVal> {
-    definitions([(has_sky, "SKY"), (shading == GiShading::Lambertian, "LAMBERTIAN")])
+/// What lights the patches.
+#[derive(Clone, Copy)]
+enum Sources {
+    /// In the first round: bounce VPLs.
+    Vpls,
+    /// The same, and the camera's sky.
+    VplsAndSky,
+    /// In further rounds: all patches.
+    Patches,
+}
+
+/// Definitions of how patches reflect.
+fn reflect_variant(sources: Sources, shading: GiShading) -> Vec<ShaderDefVal> {
+    definitions([
+        (matches!(sources, Sources::VplsAndSky), "SKY"),
+        (matches!(sources, Sources::Patches), "FURTHER"),
+        (shading == GiShading::Lambertian, "LAMBERTIAN"),
+    ])
 }
 
 /// Pipelines are queued once a camera needs them.
 #[derive(Resource)]
 pub(super) struct BounceKernels {
     pick: Kernel,
-    /// Without a sky and with one.
-    reflect: [Kernel; 2],
+    emit: Kernel,
+    /// By [`Sources`].
+    reflect: [Kernel; 3],
     sum: Kernel,
 }
 
@@ -98,16 +113,21 @@ impl FromWorld for BounceKernels {
         let uniform = || uniform_buffer_sized(false, None);
         let compute = ShaderStages::COMPUTE;
         let picking = BindGroupLayoutEntries::sequential(compute, (read(), write()));
-        let without_sky = BindGroupLayoutEntries::sequential(
+        let emitting = BindGroupLayoutEntries::with_indices(
             compute,
-            (uniform_buffer::<ViewUniform>(true), uniform(), uniform(), read(), write(), write()),
+            ((1, write()), (2, read()), (3, write())),
         );
-        let sky = BindGroupLayoutEntries::with_indices(compute, ((6, read()), (7, read())));
+        let view = || uniform_buffer::<ViewUniform>(true);
+        let by_vpls =
+            BindGroupLayoutEntries::sequential(compute, (view(), uniform(), read(), write()));
+        let by_patches =
+            BindGroupLayoutEntries::sequential(compute, (view(), read(), read(), write()));
+        let sky = BindGroupLayoutEntries::with_indices(compute, ((4, read()), (5, read())));
+        let by_sky_too = [&*by_vpls, &*sky].concat();
         let summing = BindGroupLayoutEntries::with_indices(
             compute,
-            ((2, uniform()), (4, write()), (5, write())),
+            ((2, read()), (3, write()), (6, uniform()), (7, write())),
         );
-        let with_sky = [&*without_sky, &*sky].concat();
         let shader = load_embedded_asset!(world, "reflect.wgsl");
         let reflect = |entries: &[BindGroupLayoutEntry]| {
             Kernel::new("frugal_gi/bounces/reflect", "reflect_patches", &shader, entries)
@@ -115,22 +135,34 @@ impl FromWorld for BounceKernels {
         };
         Self {
             pick: Kernel::new("frugal_gi/bounces/pick", "pick_patches", &shader, &picking),
-            reflect: [reflect(&without_sky), reflect(&with_sky)],
+            emit: Kernel::new("frugal_gi/bounces/emit", "emit_patches", &shader, &emitting),
+            reflect: [reflect(&by_vpls), reflect(&by_sky_too), reflect(&by_patches)],
             sum: Kernel::new("frugal_gi/bounces/sum", "sum_rounds", &shader, &summing),
         }
     }
 }
 
 impl BounceKernels {
-    /// Queues the pipelines of a camera, unless they were queued before: the sky lights the first round
-    /// alone.
+    /// Queues the pipelines of a camera, unless they were queued before.
     fn queue(&mut self, cache: &PipelineCache, has_sky: bool, shading: GiShading) {
-        self.pick.queue(cache, Vec::new());
-        self.sum.queue(cache, Vec::new());
-        self.reflect[0].queue(cache, reflect_variant(false, shading));
-        if has_sky {
-            self.reflect[1].queue(cache, reflect_variant(true, shading));
+        for kernel in [&mut self.pick, &mut self.emit, &mut self.sum] {
+            kernel.queue(cache, vec![]);
         }
+        let first = if has_sky { Sources::VplsAndSky } else { Sources::Vpls };
+        for sources in [first, Sources::Patches] {
+            self.reflect[sources as usize].queue(cache, reflect_variant(sources, shading));
+        }
+    }
+
+    /// A round's kernel and pipeline, once it is compiled.
+    fn reflect<'a>(
+        &self,
+        cache: &'a PipelineCache,
+        sources: Sources,
+        shading: GiShading,
+    ) -> Option<(&Kernel, &'a ComputePipeline)> {
+        let kernel = &self.reflect[sources as usize];
+        Some((kernel, kernel.get(cache, &reflect_variant(sources, shading))?))
     }
 }
 
@@ -163,13 +195,12 @@ pub(super) fn reflect(
     }
     let LightInputs { shading, rounds, first_texel, .. } = camera.inputs;
     let sky = sky.filter(|_| camera.inputs.has_sky());
-    let has_sky = sky.is_some();
-    let [further, by_sky] = &kernels.reflect;
-    let first = if has_sky { by_sky } else { further };
-    let (Some(pick), Some(reflect_first), Some(reflect_further), Some(sum)) = (
+    let first = if sky.is_some() { Sources::VplsAndSky } else { Sources::Vpls };
+    let (Some(pick), Some(emit), Some(first), Some(further), Some(sum)) = (
         kernels.pick.get(&cache, &[]),
-        first.get(&cache, &reflect_variant(has_sky, shading)),
-        further.get(&cache, &reflect_variant(false, shading)),
+        kernels.emit.get(&cache, &[]),
+        kernels.reflect(&cache, first, shading),
+        kernels.reflect(&cache, Sources::Patches, shading),
         kernels.sum.get(&cache, &[]),
     ) else {
         return;
@@ -181,53 +212,53 @@ pub(super) fn reflect(
     };
     // The layout of the weights has the G-buffer and depth; they are not read here. Tile visibility
     // for patches would take as many rays as for the image, without a measurable gain.
-    let passes = |buffers| {
-        let inputs = SampleInputs {
-            camera: CameraInputs::new(prepass, &view_uniforms)?,
-            view_offset: view_offset.offset,
-            texels,
-            buffers,
-            importance: &camera.importance,
-            vpls: &camera.bounce_vpls,
-            plan: (&camera.plan, BOUNCE_VPLS.count()),
-        };
-        vpl_kernels.passes(&context, &cache, false, inputs)
-    };
-    let (Some(from_all), Some(from_patches)) = (passes(buffers), passes(&camera.sampling)) else {
+    let inputs = CameraInputs::new(prepass, &view_uniforms).map(|inputs| SampleInputs {
+        camera: inputs,
+        view_offset: view_offset.offset,
+        texels,
+        buffers,
+        importance: &camera.importance,
+        vpls: &camera.bounce_vpls,
+        plan: (&camera.plan, BOUNCE_VPLS.count()),
+    });
+    let sampling = inputs.and_then(|inputs| vpl_kernels.passes(&context, &cache, false, inputs));
+    let (Some(sampling), Some(views)) = (sampling, view_uniforms.uniforms.binding()) else {
         return;
     };
-    let Some(views) = view_uniforms.uniforms.binding() else { return };
-    let picking = kernels.pick.bind(
-        &context,
-        &cache,
-        &BindGroupEntries::sequential((
-            camera.patches.as_entire_binding(),
-            camera.importance.as_entire_binding(),
-        )),
-    );
-    let entries = DynamicBindGroupEntries::sequential((
-        views,
-        camera.bounce_vpls.as_entire_binding(),
-        camera.range.as_entire_binding(),
-        camera.patches.as_entire_binding(),
-        texels.as_entire_binding(),
-        camera.light.as_entire_binding(),
+    let [patches, light, emitters] =
+        [&camera.patches, &camera.light, &camera.emitters].map(|buffer| buffer.as_entire_binding());
+    let picking =
+        BindGroupEntries::sequential((patches.clone(), camera.importance.as_entire_binding()));
+    let picking = kernels.pick.bind(&context, &cache, &picking);
+    let emitting = BindGroupEntries::with_indices((
+        (1, emitters.clone()),
+        (2, patches.clone()),
+        (3, light.clone()),
     ));
-    let reflecting_further = further.bind(&context, &cache, &entries);
-    let sky = sky.map(|sky| {
-        let sky = (sky.samples.as_entire_binding(), sky.plan_buffer.as_entire_binding());
-        first.bind(&context, &cache, &entries.extend_sequential(sky))
-    });
-    let reflecting_first = sky.as_ref().unwrap_or(&reflecting_further);
-    let summing = kernels.sum.bind(
-        &context,
-        &cache,
-        &BindGroupEntries::with_indices((
-            (2, camera.range.as_entire_binding()),
-            (4, texels.as_entire_binding()),
-            (5, camera.light.as_entire_binding()),
+    let emitting = kernels.emit.bind(&context, &cache, &emitting);
+    let entries = DynamicBindGroupEntries::sequential((
+        views.clone(),
+        camera.bounce_vpls.as_entire_binding(),
+        patches.clone(),
+        light.clone(),
+    ));
+    let entries = match sky {
+        Some(sky) => entries.extend_sequential((
+            sky.samples.as_entire_binding(),
+            sky.plan_buffer.as_entire_binding(),
         )),
-    );
+        None => entries,
+    };
+    let first_group = first.0.bind(&context, &cache, &entries);
+    let entries = BindGroupEntries::sequential((views, emitters, patches.clone(), light.clone()));
+    let further_group = further.0.bind(&context, &cache, &entries);
+    let summing = BindGroupEntries::with_indices((
+        (2, patches),
+        (3, light),
+        (6, camera.range.as_entire_binding()),
+        (7, texels.as_entire_binding()),
+    ));
+    let summing = kernels.sum.bind(&context, &cache, &summing);
     // In the first round patches emit nothing yet.
     let first_byte = u64::from(first_texel) * TEXEL_BYTES;
     let clears =
@@ -236,24 +267,26 @@ pub(super) fn reflect(
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
+        sampling.weigh(pass);
+        sampling.sample(pass);
         for round in 0..rounds {
-            let (passes, reflect, reflecting) = if round == 0 {
-                (&from_all, reflect_first, reflecting_first)
-            } else {
-                (&from_patches, reflect_further, &reflecting_further)
+            let (group, (_, reflect)) = match round {
+                0 => (&first_group, first),
+                _ => {
+                    pass.set_bind_group(0, &emitting, &[]);
+                    pass.set_pipeline(emit);
+                    pass.dispatch_workgroups(PATCHES.div_ceil(64) as u32, 1, 1);
+                    (&further_group, further)
+                }
             };
-            passes.weigh(pass);
-            passes.sample(pass);
-            pass.set_bind_group(0, reflecting, &[view_offset.offset]);
+            pass.set_bind_group(0, group, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);
             pass.dispatch_workgroups(1, PATCHES.div_ceil(PATCHES_PER_GROUP) as u32, 1);
         }
-        if rounds > 1 {
-            pass.set_bind_group(0, &summing, &[]);
-            pass.set_pipeline(sum);
-            pass.dispatch_workgroups(1, 1, 1);
-        }
+        pass.set_bind_group(0, &summing, &[]);
+        pass.set_pipeline(sum);
+        pass.dispatch_workgroups(1, 1, 1);
     });
     camera.is_done.store(true, Ordering::Relaxed);
 }

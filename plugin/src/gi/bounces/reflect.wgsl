@@ -4,13 +4,12 @@
 // lighting patches (`vpl/weigh.wgsl`). Flux alone would not do: most sunlight falls on surfaces that no
 // patch sees, or only distant ones.
 //
-// Then the flux that each patch reflects, as a texel behind those of the maps: a thread for each ray of a
-// patch.
+// Then the flux that each patch reflects: a thread for each ray of a patch. In the first round patches are
+// lit by bounce VPLs, sampled from the maps' texels and from emissive surfaces, and by the camera's sky where
+// it is gathered (SKY). In later rounds (FURTHER) they are lit by all patches. Every patch evaluates all
+// sources: small sets would be blotchy near bright spots. Visibility by rays as in `gather/gather.wgsl`.
 //
-// Bounce VPLs light the patches: in the first round those of the maps' texels and of emissive
-// surfaces, in later rounds those of the patches' own light of the round before. Every patch
-// evaluates all of them: small sets would be blotchy near bright spots. Visibility by rays as in
-// `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
+// The sum of all rounds becomes texels behind those of the maps.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texels::{Texel, texel_normal}
@@ -47,7 +46,9 @@ struct PatchRange {
 struct PatchLight {
     /// In all rounds.
     total: vec3<f32>,
-    /// In the last round but one.
+    /// In the last round.
+    last: vec3<f32>,
+    /// In the round before.
     before: vec3<f32>,
 }
 
@@ -56,21 +57,33 @@ struct PatchLight {
 @group(0) @binding(1) var<storage, read_write> importance: ImportancePoints;
 // To reflect.
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<uniform> bounce_vpls: array<Vpl, BOUNCE_VPLS>;
-@group(0) @binding(2) var<uniform> range: PatchRange;
-@group(0) @binding(3) var<storage, read> patches: array<Patch>;
-@group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
-@group(0) @binding(5) var<storage, read_write> light: array<PatchLight>;
-#ifdef SKY
-@group(0) @binding(6) var<storage, read> sky_samples: array<SkyLight>;
-@group(0) @binding(7) var<storage, read> sky_plan: SkyPlan;
+#ifdef FURTHER
+@group(0) @binding(1) var<storage, read> sources: array<Vpl>;
+#else
+@group(0) @binding(1) var<uniform> sources: array<Vpl, BOUNCE_VPLS>;
 #endif
+@group(0) @binding(2) var<storage, read> patches: array<Patch>;
+@group(0) @binding(3) var<storage, read_write> light: array<PatchLight>;
+#ifdef SKY
+@group(0) @binding(4) var<storage, read> sky_samples: array<SkyLight>;
+@group(0) @binding(5) var<storage, read> sky_plan: SkyPlan;
+#endif
+// To make VPLs of patches, and to sum up.
+@group(0) @binding(1) var<storage, read_write> emitters: array<Vpl>;
+@group(0) @binding(6) var<uniform> range: PatchRange;
+@group(0) @binding(7) var<storage, read_write> texels: array<Texel>;
 
 /// Area that an importance point represents, as a share of the area of all patches from one picked
 /// patch to the next, which lie on many surfaces.
 const REACH: f32 = 0.1;
-/// As in `bounces/camera.rs`. A constant, so that no loop depends on a uniform.
+/// As in `bounces/camera.rs`. Constants, so that no loop depends on a uniform.
 const BOUNCE_VPLS: u32 = 1024u;
+const PATCHES: u32 = 2048u;
+#ifdef FURTHER
+const SOURCES: u32 = PATCHES;
+#else
+const SOURCES: u32 = BOUNCE_VPLS;
+#endif
 /// Rays from each patch to the sky.
 const SKY_RAYS: u32 = 2u;
 
@@ -102,31 +115,50 @@ fn pick_patches(@builtin(local_invocation_index) index: u32) {
     importance.points[index] = point;
 }
 
+/// World space, unit length.
+fn patch_normal(own: Patch) -> vec3<f32> {
+    var texel: Texel;
+    texel.packed_normal = own.packed_normal;
+    return texel_normal(texel);
+}
+
+/// One thread per patch: a VPL of its light of the last round.
+@compute @workgroup_size(64)
+fn emit_patches(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&patches) {
+        return;
+    }
+    let own = patches[id.x];
+    var vpl: Vpl;
+    vpl.position = own.position;
+    vpl.normal = patch_normal(own);
+    vpl.texel_width = sqrt(clamp(own.area, 0.0, 1e18));
+    vpl.largest_geometry_term = 3.1415927 / clamp(own.area, 1e-9, 1e18);
+    vpl.flux = light[id.x].last;
+    vpl.visibility = 1.0;
+    emitters[id.x] = vpl;
+}
+
 @compute @workgroup_size(LANES, GROUP_PATCHES)
 fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     begin_trace(thread);
     let which = id.x;
     let index = id.y;
     let own = patches[min(index, arrayLength(&patches) - 1u)];
-    var texel: Texel;
-    texel.position = own.position;
-    texel.area = own.area;
-    texel.packed_normal = own.packed_normal;
-    texel.flux = vec3(0.0);
-    let normal = texel_normal(texel);
     var incident = vec3(0.0);
     if own.area > 0.0 {
+        let normal = patch_normal(own);
         let origin = own.position + normal * surface_offset(own.position, apparent_distance(view.clip_from_view, distance(own.position, view.world_position)), 0.0);
         let noise = fract(f32(index) * 0.618034);
         var stratum = empty_stratum(fract(noise + f32(which) / f32(LANES)));
-        for (var i = which; i < BOUNCE_VPLS; i += LANES) {
-            var vpl = bounce_vpls[i];
+        for (var i = which; i < SOURCES; i += LANES) {
+            var vpl = sources[i];
             // No patch receives more than a VPL's whole flux.
             vpl.largest_geometry_term = min(vpl.largest_geometry_term, 3.1415927 / max(own.area, 1e-18));
             stratum = update_stratum(stratum, i, from_vpl(vpl, own.position, normal));
         }
         if stratum.total > 0.0 {
-            let vpl = bounce_vpls[stratum.sampled];
+            let vpl = sources[stratum.sampled];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
             if !is_occluded(origin, end) {
                 incident = stratum.sent;
@@ -156,14 +188,12 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
     for (var lane = 0u; lane < LANES; lane++) {
         incident += arrived[thread + lane];
     }
-    if own.area > 0.0 {
-        let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
-        let flux = incident * 0.31830987 * own.area * share;
-        texel.flux = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
-    }
-    light[index].before = texels[range.first_texel + index].flux;
-    light[index].total += texel.flux;
-    texels[range.first_texel + index] = texel;
+    let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
+    let flux = incident * 0.31830987 * own.area * share;
+    let before = light[index];
+    // Not where it is not a number.
+    let last = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
+    light[index] = PatchLight(before.total + last, last, before.last);
 }
 
 const SUM_LANES: u32 = 256u;
@@ -171,16 +201,15 @@ const SUM_LANES: u32 = 256u;
 var<workgroup> last_sums: array<vec3<f32>, 256>;
 var<workgroup> before_sums: array<vec3<f32>, 256>;
 
-/// Replaces the flux of the last round by that of all rounds, those that were not run included: rounds
-/// soon differ by a factor, as powers of a matrix do (Aitken 1926), so their sum is a geometric series.
-/// One workgroup.
+/// Writes the patches' texels: their light of all rounds, those that were not run included. Rounds soon differ
+/// by a factor, as powers of a matrix do (Aitken 1926), so their sum is a geometric series. One workgroup.
 @compute @workgroup_size(SUM_LANES)
 fn sum_rounds(@builtin(local_invocation_index) lane: u32) {
     let count = arrayLength(&light);
     var last = vec3(0.0);
     var before = vec3(0.0);
     for (var i = lane; i < count; i += SUM_LANES) {
-        last += texels[range.first_texel + i].flux * 1e-5;
+        last += light[i].last * 1e-5;
         before += light[i].before * 1e-5;
     }
     last_sums[lane] = last;
@@ -196,7 +225,11 @@ fn sum_rounds(@builtin(local_invocation_index) lane: u32) {
     let ratio = min(last_sums[0] / max(before_sums[0], vec3(1e-30)), vec3(range.largest_ratio));
     let rest = ratio / (1.0 - ratio);
     for (var i = lane; i < count; i += SUM_LANES) {
-        let own = texels[range.first_texel + i].flux;
-        texels[range.first_texel + i].flux = min(light[i].total + own * rest, vec3(MAX_FLUX));
+        var texel: Texel;
+        texel.position = patches[i].position;
+        texel.area = patches[i].area;
+        texel.packed_normal = patches[i].packed_normal;
+        texel.flux = min(light[i].total + light[i].last * rest, vec3(MAX_FLUX));
+        texels[range.first_texel + i] = texel;
     }
 }

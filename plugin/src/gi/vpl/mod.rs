@@ -21,8 +21,8 @@ use super::trace::OccluderBuffers;
 use super::view::GiView;
 pub(super) use passes::{SampleInputs, TILE_GROUP, TILE_POINTS, VplKernels, WEIGH_GROUP};
 pub(super) use view::{
-    IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, SamplingBuffers, VPL_BYTES,
-    VplPlan, VplView, prepare,
+    IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan,
+    VplView, prepare,
 };
 
 pub(super) fn build(app: &mut App) {
