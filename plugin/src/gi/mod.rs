@@ -101,7 +101,7 @@ impl GiPlugin {
         WgpuLimits {
             max_compute_invocations_per_workgroup: 64,
             max_storage_buffers_per_shader_stage: 8,
-            max_storage_textures_per_shader_stage: 1,
+            max_storage_textures_per_shader_stage: 2,
             max_uniform_buffer_binding_size: u64::from(bounces::BOUNCE_VPLS.count())
                 * vpl::VPL_BYTES,
             ..WgpuLimits::downlevel_webgl2_defaults()
@@ -227,8 +227,11 @@ fn lacking_limits(limits: &WgpuLimits) -> Vec<&'static str> {
             |limits| limits.max_storage_buffers_per_shader_stage.into(),
             "8 storage buffers per stage",
         ),
-        (|limits| limits.max_storage_textures_per_shader_stage.into(), "storage textures"),
-        (|limits| limits.max_uniform_buffer_binding_size, "uniform buffers of 24 KiB"),
+        (
+            |limits| limits.max_storage_textures_per_shader_stage.into(),
+            "2 storage textures per stage",
+        ),
+        (|limits| limits.max_uniform_buffer_binding_size, "uniform buffers of 48 KiB"),
     ];
     let lacking = named.into_iter().filter(|(limit, _)| limit(limits) < limit(&needed));
     lacking.map(|(_, name)| name).collect()
@@ -264,5 +267,34 @@ fn draw_masked_once(mut materials: ResMut<ErasedRenderAssets<PreparedMaterial>>)
                 "a deferred alpha-masked material is shared and stays drawn twice: it may lack direct light"
             ),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lacking_limit_is_named_with_what_is_needed() {
+        let needed = GiPlugin::required_limits();
+        let none = WgpuLimits {
+            max_compute_invocations_per_workgroup: 0,
+            max_storage_buffers_per_shader_stage: 0,
+            max_storage_textures_per_shader_stage: 0,
+            max_uniform_buffer_binding_size: 0,
+            ..WgpuLimits::default()
+        };
+        let numbers: [u64; 4] = [
+            needed.max_compute_invocations_per_workgroup.into(),
+            needed.max_storage_buffers_per_shader_stage.into(),
+            needed.max_storage_textures_per_shader_stage.into(),
+            needed.max_uniform_buffer_binding_size / 1024,
+        ];
+        let named = lacking_limits(&none);
+        assert_eq!(named.len(), numbers.len());
+        for (name, number) in named.iter().zip(numbers.map(|number| number.to_string())) {
+            assert!(name.split(' ').any(|word| word == number), "{name}: {number}");
+        }
+        assert!(lacking_limits(&needed).is_empty());
     }
 }

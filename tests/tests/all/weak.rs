@@ -14,6 +14,9 @@ use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::Cuboid;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
+use bevy::render::render_resource::{
+    BindingType, BufferBindingType, PipelineCache, PipelineDescriptor, ShaderStages,
+};
 use bevy::render::settings::{WgpuLimits, WgpuSettings};
 use bevy::render::{RenderApp, RenderPlugin};
 use bevy::transform::components::Transform;
@@ -21,9 +24,14 @@ use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::inspect::GiEmitters;
-use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiOccluders, GiVisibility, RsmView};
+use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiOccluders, GiPlugin, GiVisibility, RsmView};
+use frugal::stage::Stage;
+use frugal_tests::set;
 
-tests!(a_device_without_enough_storage_buffers_keeps_nothing_up);
+tests!(
+    a_device_without_enough_storage_buffers_keeps_nothing_up,
+    no_pass_needs_more_than_the_required_limits,
+);
 
 /// An app on a device with the given limits.
 fn app(limits: WgpuLimits) -> App {
@@ -81,4 +89,53 @@ fn a_device_without_enough_storage_buffers_keeps_nothing_up() {
         |count| WgpuLimits { max_storage_buffers_per_shader_stage: count, ..Default::default() };
     assert_eq!(kept(with_buffers(u32::MAX)), (1, 1, true, true));
     assert_eq!(kept(with_buffers(4)), (0, 0, false, false));
+}
+
+/// Largest numbers of storage buffers and of storage textures in a stage of a pipeline, and the
+/// pipeline's name.
+fn most_bound(stage: &Stage) -> [(u32, String); 2] {
+    let mut most = [(0, String::new()), (0, String::new())];
+    for pipeline in stage.render_world().resource::<PipelineCache>().pipelines() {
+        let (label, layouts) = match &pipeline.descriptor {
+            PipelineDescriptor::RenderPipelineDescriptor(it) => (&it.label, &it.layout),
+            PipelineDescriptor::ComputePipelineDescriptor(it) => (&it.label, &it.layout),
+        };
+        let Some(label) = label.as_deref().filter(|label| label.starts_with("frugal_gi")) else {
+            continue;
+        };
+        let entries = || layouts.iter().flat_map(|layout| &layout.entries);
+        for shader in [ShaderStages::VERTEX, ShaderStages::FRAGMENT, ShaderStages::COMPUTE] {
+            let bound = |of: fn(&BindingType) -> bool| {
+                let seen = entries().filter(|entry| entry.visibility.contains(shader));
+                seen.filter(|entry| of(&entry.ty)).count() as u32
+            };
+            let counts = [
+                bound(|ty| {
+                    matches!(ty, BindingType::Buffer { ty: BufferBindingType::Storage { .. }, .. })
+                }),
+                bound(|ty| matches!(ty, BindingType::StorageTexture { .. })),
+            ];
+            for (most, count) in most.iter_mut().zip(counts) {
+                if count > most.0 {
+                    *most = (count, label.to_owned());
+                }
+            }
+        }
+    }
+    most
+}
+
+/// Under a sky, with all bounces, rays, kept light, forward meshes and fog.
+fn no_pass_needs_more_than_the_required_limits() {
+    let scene = set::scene("courtyard");
+    let mut stage = set::open(&scene, set::options(48, 27));
+    for settings in ["max", "max,gi_visibility=cached", "min,gi_vpl_count=64"] {
+        set::apply(&mut stage, settings);
+        stage.frame();
+    }
+    let limits = GiPlugin::required_limits();
+    let [buffers, textures] = most_bound(&stage);
+    println!("    {buffers:?} {textures:?}");
+    assert_eq!(buffers.0, limits.max_storage_buffers_per_shader_stage, "{buffers:?}");
+    assert_eq!(textures.0, limits.max_storage_textures_per_shader_stage, "{textures:?}");
 }
