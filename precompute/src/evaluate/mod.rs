@@ -11,10 +11,10 @@
 //! | `table` | results as text, and per-frame CSV |
 
 mod check;
-#[cfg(test)]
-pub(crate) mod fake;
 mod render_path;
 mod table;
+#[cfg(test)]
+pub(crate) mod testing;
 
 use std::ops::ControlFlow;
 
