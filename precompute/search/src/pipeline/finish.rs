@@ -45,7 +45,7 @@ pub(super) fn finish(
         error_rates,
         pool,
         screening,
-        cost_error: CostModel::cross_validated(&readings, subject.idle, 5),
+        cost_error: CostModel::cross_validated(&readings, subject.idle),
         cost,
         cameras: [rows.len(), counts[1]],
         renderings: renderings.known.len(),
