@@ -34,7 +34,7 @@ pub use bevy_frugal_gi::stage::{
     Component, Output, Stage, StageError, StageOptions, adapter, software_adapter,
 };
 pub use frugal_trace::metrics::Radiance;
-pub(crate) use remote::{Program, RemoteError, RemoteStage, Shot, StagedScene, guard};
+pub(crate) use remote::{Program, RemoteStage, Shot, StagedScene, guard};
 pub use world::populate;
 
 /// Renders and meters frames: a stage, or formulas in tests.
@@ -44,7 +44,7 @@ pub(crate) trait FrameRenderer {
     ///
     /// # Errors
     /// When the run cannot start.
-    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), RemoteError>;
+    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), StageError>;
 
     /// Renders the next frame, at `pose` with `settings`: its display-referred image, and its power at the
     /// target frame rate, idle + this frame's energy × frames per second. All frames are of one size.
@@ -55,7 +55,7 @@ pub(crate) trait FrameRenderer {
         &mut self,
         pose: &CameraPose,
         settings: KnobLevels,
-    ) -> Result<(Picture, Watts), RemoteError>;
+    ) -> Result<(Picture, Watts), StageError>;
 }
 
 /// Each worker, in a thread of its own, takes the next job when it has done its last. What a job

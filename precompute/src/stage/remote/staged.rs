@@ -4,8 +4,8 @@ use std::cell::Cell;
 use std::ops::Deref;
 use std::path::Path;
 
-use bevy_frugal_gi::stage::StageOptions;
 use bevy_frugal_gi::stage::extract::{ExtractedScene, ExtractedSky};
+use bevy_frugal_gi::stage::{StageError, StageOptions};
 use frugal_core::frontier::SceneIdentity;
 use frugal_core::knobs::KnobSpace;
 use frugal_trace::integrator::ReferenceScene;
@@ -13,7 +13,7 @@ use frugal_trace::light::Sky;
 
 use super::connection::Connection;
 use super::process::StageProcess;
-use super::program::{Program, RemoteError};
+use super::program::Program;
 use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, SceneDescription, SceneError,
 };
@@ -93,11 +93,11 @@ impl StagedScene {
     ///
     /// # Errors
     /// When it cannot be started, or has no level.
-    pub(crate) fn of_app(program: Program) -> Result<Self, RemoteError> {
+    pub(crate) fn of_app(program: Program) -> Result<Self, StageError> {
         let mut connection = Connection::open(&program, None)?;
         let (knobs, opt_in, scene) = connection.load(true)?;
         let extracted: ExtractedScene = postcard::from_bytes(&scene).map_err(|error| {
-            RemoteError::failed(format!("the app's scene cannot be read: {error}"))
+            StageError::failed(format!("the app's scene cannot be read: {error}"))
         })?;
         let name = match &program {
             Program::App { level: Some(level), .. } => format!("{}/{level}", connection.hello.app),
