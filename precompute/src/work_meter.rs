@@ -178,13 +178,13 @@ mod tests {
 
     #[test]
     fn every_shared_knob_is_of_app_scope() {
-        use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobScope};
+        use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
         let mut app = bevy::app::App::new();
         app.add_plugins(KnobPlugin);
         let registry = app.world().resource::<KnobRegistry>();
         for name in frugal_search::cost::SHARED_KNOBS {
             let driver = registry.get(name).expect("a built-in knob");
-            assert_eq!(driver.scope(), KnobScope::App, "{name}");
+            assert!(driver.is_app_wide(), "{name}");
         }
     }
 }
