@@ -218,7 +218,7 @@ mod tests {
             provenance: Provenance::Measured,
             description: description.to_owned(),
         };
-        let space = crate::stage::knobs();
+        let space = crate::stage::built_in_knobs(false);
         let map = frugal_core::testing::map(0);
         journal_header(&map.scene, &map.capture, &space, &meter).expect("a header")
     }

@@ -17,7 +17,7 @@ use super::program::Program;
 use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, SceneDescription, SceneError,
 };
-use crate::stage::{every_knob, useful_knobs};
+use crate::stage::{built_in_knobs, useful_knobs};
 
 /// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
 /// that renders it. Dereferences to its scene. Says when it ends what of it is not shown or not
@@ -83,7 +83,7 @@ impl StagedScene {
             name: file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned),
             label: path.display().to_string(),
             program: Program::File(path.to_owned()),
-            knobs: every_knob(),
+            knobs: built_in_knobs(true),
             scene,
             level: None,
         })
@@ -162,7 +162,7 @@ impl StagedScene {
     pub(crate) fn useful_knobs(&self) -> Vec<String> {
         let useful = useful_knobs(&self.scene);
         let Some(level) = &self.level else { return useful };
-        let built_in = every_knob();
+        let built_in = built_in_knobs(true);
         let is_textured = !self.scene.geometry.textures.is_empty();
         let is_useful = |name: &String| match name.as_str() {
             // An app may ask for reflections, contact shadows or fog, and its textures may have mip
