@@ -90,7 +90,8 @@ pub struct PowerSnapshot {
     pub info: Option<MeterInfo>,
     /// Whether the power is known.
     pub state: MeterState,
-    /// Mean power over the last interval, in watts; finite, at least 0. `None` unless the state is `Running`.
+    /// Mean power over the last interval, in watts; finite, at least 0. `None` unless the state is
+    /// `Running`.
     pub latest: Option<Watts>,
     /// Exponential mean of `latest`, in watts; finite, at least 0. `None` unless the state is
     /// `Running`.
@@ -106,7 +107,8 @@ pub struct PowerSnapshot {
     pub dropped_count: u64,
     /// Why the last dropped piece was dropped.
     pub note: Option<String>,
-    /// Energy of all valid pieces so far, and their length. The quotient of two differences is a mean power, whatever was dropped between.
+    /// Energy of all valid pieces so far, and their length. The quotient of two differences is a mean
+    /// power, whatever was dropped between.
     pub counted: (Joules, Duration),
 }
 
