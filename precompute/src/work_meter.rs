@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn power_is_that_of_any_number_of_counted_frames_to_the_last_bit() {
-        let space = crate::stage::knobs();
+        let space = crate::stage::built_in_knobs(false);
         let meter = WorkMeter::open(None, LAYOUT).expect("prices");
         let power = |settings| meter.power(&space, settings, 30.0);
         let (low, high) = (power(space.lowest()), power(space.highest()));
@@ -170,21 +170,21 @@ mod tests {
         let rays = GiVisibility::ALL.map(|level| [level.rays(), level.sky_rays()]);
         assert_eq!((FrugalGi::MAX_VPLS_PER_PIXEL, rays), (MAX_VPLS_PER_PIXEL, VISIBILITY_RAYS));
         // Its tests are worth what their knobs are.
-        let knobs = crate::stage::knobs();
+        let knobs = crate::stage::built_in_knobs(false);
         assert_eq!(frugal_search::testing::knobs(), knobs);
-        let every_knob = crate::stage::every_knob();
+        let every_knob = crate::stage::built_in_knobs(true);
         assert_eq!(frugal_search::testing::every_knob(), every_knob);
     }
 
     #[test]
     fn every_shared_knob_is_of_app_scope() {
-        use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobScope};
+        use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry};
         let mut app = bevy::app::App::new();
         app.add_plugins(KnobPlugin);
         let registry = app.world().resource::<KnobRegistry>();
         for name in frugal_search::cost::SHARED_KNOBS {
             let driver = registry.get(name).expect("a built-in knob");
-            assert_eq!(driver.scope(), KnobScope::App, "{name}");
+            assert!(driver.is_app_wide(), "{name}");
         }
     }
 }

@@ -7,24 +7,15 @@ use bevy::ecs::prelude::*;
 
 use super::{Knob, KnobSpace, KnobSpaceError, Level};
 
-/// Scope of the state that a knob changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum KnobScope {
-    /// One camera.
-    Camera,
-    /// The whole app. With several active cameras, the highest of their levels is applied.
-    App,
-}
-
 /// Applies a knob's levels.
 pub trait KnobDriver: Send + Sync + 'static {
     /// The knob's name, levels and dependency. Must return the same knob at every call.
     fn knob(&self) -> Knob;
 
-    /// Scope of the state that it changes; one camera by default.
-    fn scope(&self) -> KnobScope {
-        KnobScope::Camera
+    /// Whether it changes state of the whole app, to which the highest level of all active cameras is
+    /// applied; by default that of one camera.
+    fn is_app_wide(&self) -> bool {
+        false
     }
 
     /// Whether the knob is opt-in: part of a space only where it is named explicitly. For knobs
@@ -35,8 +26,8 @@ pub trait KnobDriver: Send + Sync + 'static {
     }
 
     /// Applies `level`. Called when its value differs from the one last applied to `camera`, or to
-    /// the app for a knob of [app scope](KnobScope::App), and when
-    /// [`is_applied`](Self::is_applied) is false.
+    /// the app for an [app-wide](Self::is_app_wide) knob, and when [`is_applied`](Self::is_applied) is
+    /// false.
     ///
     /// `camera` is an existing entity with a `Camera`. Must not panic when the component or
     /// resource that the knob changes is missing: the knob then has no effect. Should add no effect
@@ -52,18 +43,18 @@ pub trait KnobDriver: Send + Sync + 'static {
     }
 
     /// Restores what the app had authored, when the camera's settings no longer contain the knob.
-    /// For a knob of [app scope](KnobScope::App), when no active camera's do; `camera`, which had
-    /// the highest level, may then no longer exist. Leaves the last level by default.
+    /// For an [app-wide](Self::is_app_wide) knob, when no active camera's do; `camera`, which had the
+    /// highest level, may then no longer exist. Leaves the last level by default.
     fn release(&self, world: &mut World, camera: Entity) {
         let _ = (world, camera);
     }
 }
 
-/// A driver, with its name and scope, which are asked for once.
+/// A driver, with its name and whether it is app-wide, which are asked for once.
 #[derive(Clone)]
 pub(super) struct Registered {
     pub name: String,
-    pub scope: KnobScope,
+    pub is_app_wide: bool,
     pub driver: Arc<dyn KnobDriver>,
 }
 
@@ -83,7 +74,7 @@ impl KnobRegistry {
     pub fn add(&mut self, driver: impl KnobDriver) {
         let new = Registered {
             name: driver.knob().name,
-            scope: driver.scope(),
+            is_app_wide: driver.is_app_wide(),
             driver: Arc::new(driver),
         };
         let drivers = Arc::make_mut(&mut self.drivers);
@@ -110,9 +101,9 @@ impl KnobRegistry {
         names.find(|name| self.get(name).is_none())
     }
 
-    /// Whether a knob called `name` is registered and of [app scope](KnobScope::App).
+    /// Whether a knob called `name` is registered and [app-wide](KnobDriver::is_app_wide).
     pub(crate) fn is_app_wide(&self, name: &str) -> bool {
-        self.drivers.iter().any(|known| known.name == name && known.scope == KnobScope::App)
+        self.drivers.iter().any(|known| known.name == name && known.is_app_wide)
     }
 
     pub(super) fn drivers(&self) -> &[Registered] {

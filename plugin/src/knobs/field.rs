@@ -4,7 +4,7 @@ use bevy::ecs::component::Mutable;
 use bevy::ecs::prelude::*;
 
 use super::overrides::Field;
-use super::{Knob, KnobDriver, KnobScope, Level};
+use super::{Knob, KnobDriver, Level};
 
 /// A field of a component or resource `C`, of type `T`, that a knob writes.
 pub struct KnobField<C, T> {
@@ -53,8 +53,8 @@ impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + Clone + 'static>
         self
     }
 
-    /// `C` is a resource, and the knob has [app scope](KnobScope::App). Without effect in an app
-    /// that lacks it.
+    /// `C` is a resource, and the knob is [app-wide](KnobDriver::is_app_wide). Without effect in an
+    /// app that lacks it.
     #[must_use]
     pub fn of_resource(mut self) -> Self
     where
@@ -164,9 +164,8 @@ impl KnobDriver for FieldKnob {
         self.knob.clone()
     }
 
-    fn scope(&self) -> KnobScope {
-        let is_app_wide = self.fields.iter().any(|field| field.is_app_wide());
-        if is_app_wide { KnobScope::App } else { KnobScope::Camera }
+    fn is_app_wide(&self) -> bool {
+        self.fields.iter().any(|field| field.is_app_wide())
     }
 
     fn is_opt_in(&self) -> bool {

@@ -24,7 +24,7 @@ pub use crate::schedule::KnobSystems;
 pub use frugal_core::knobs::*;
 
 pub(crate) use builtin::allow_authored;
-pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
+pub use driver::{KnobDriver, KnobRegistry, RegisterKnob};
 pub use field::{FieldKnob, KnobField};
 pub use warm::WarmKnobs;
 #[cfg(feature = "stage")]
@@ -71,9 +71,9 @@ struct AppliedKnob {
 
 impl AppliedKnobs {
     /// The applied value of the knob called `name`, in the knob's unit; `None` if the camera's
-    /// settings do not contain it, or the app has not registered it. For a knob of [app
-    /// scope](KnobScope::App), the highest among the active cameras, which may be above this
-    /// camera's.
+    /// settings do not contain it, or the app has not registered it. For an
+    /// [app-wide](KnobDriver::is_app_wide) knob, the highest among the active cameras, which may be
+    /// above this camera's.
     pub fn value(&self, name: &str) -> Option<f64> {
         self.entries.get(self.space.index_of(name)?)?.value
     }

@@ -10,7 +10,7 @@ use bevy::camera::Camera;
 use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 
-use super::{AppliedKnob, AppliedKnobs, KnobRegistry, KnobScope, KnobSettings};
+use super::{AppliedKnob, AppliedKnobs, KnobRegistry, KnobSettings};
 
 /// What [`reconcile`] keeps from frame to frame.
 #[derive(Default)]
@@ -57,7 +57,7 @@ pub(super) fn reconcile(
     reconcile_app(world, &registry, &mut state);
 }
 
-/// Applies the knobs of camera scope.
+/// Applies the knobs of one camera.
 fn reconcile_camera(
     world: &mut World,
     registry: &KnobRegistry,
@@ -81,9 +81,7 @@ fn reconcile_camera(
         let AppliedKnob { driver: Some(index), value } = applied.entries[knob] else { continue };
         let (known, level) = (&registry.drivers()[index], settings.level(knob));
         let is_current = value == Some(level.value);
-        if known.scope == KnobScope::App
-            || (is_current && known.driver.is_applied(world, camera, level))
-        {
+        if known.is_app_wide || (is_current && known.driver.is_applied(world, camera, level)) {
             continue;
         }
         known.driver.apply(world, camera, level);
@@ -111,7 +109,7 @@ fn adopt(registry: &KnobRegistry, old: &AppliedKnobs, settings: &KnobSettings) -
     }
 }
 
-/// Restores what was authored of the knobs of camera scope for whose name `is_released` is true.
+/// Restores what was authored of the knobs of one camera for whose name `is_released` is true.
 fn release(
     world: &mut World,
     registry: &KnobRegistry,
@@ -120,10 +118,7 @@ fn release(
     is_released: impl Fn(&str) -> bool,
 ) {
     for known in registry.drivers() {
-        if known.scope == KnobScope::Camera
-            && applied.value(&known.name).is_some()
-            && is_released(&known.name)
-        {
+        if !known.is_app_wide && applied.value(&known.name).is_some() && is_released(&known.name) {
             known.driver.release(world, camera);
         }
     }
@@ -136,7 +131,7 @@ fn reconcile_app(world: &mut World, registry: &KnobRegistry, state: &mut Reconci
         state.app = vec![None; registry.drivers().len()];
     }
     for (index, known) in registry.drivers().iter().enumerate() {
-        if known.scope == KnobScope::Camera {
+        if !known.is_app_wide {
             continue;
         }
         let applied = &mut state.app[index];

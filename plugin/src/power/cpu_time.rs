@@ -124,7 +124,8 @@ fn process_cpu_seconds() -> Result<f64, MeterError> {
     ))
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use std::hint::black_box;
     use std::time::{Duration, Instant};

@@ -1,7 +1,7 @@
 //! Tests of the choice of a meter.
 
 use super::*;
-use crate::power::sysfs::fake::Tree;
+use crate::power::sysfs::testing::Tree;
 use crate::power::{AdapterKind, Provenance};
 
 #[test]

@@ -123,12 +123,6 @@ pub trait PowerMeter: Send {
         Ok(Reading::Energy(vec![Count { energy: self.energy()?, range: None }]))
     }
 
-    /// Idle power that the readings do not include, in watts; finite, at least 0. 0 by default,
-    /// where the meter covers the whole device.
-    fn idle(&self) -> Watts {
-        Watts(0.0)
-    }
-
     /// The shortest window, in seconds, over which a mean power is meaningful: some of the
     /// counter's updates. Callers clamp it to 0 to 60 s; NaN counts as 1 s.
     fn window_seconds(&self) -> f64;

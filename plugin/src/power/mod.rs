@@ -17,8 +17,6 @@ mod adapter;
 mod battery;
 mod cpu_time;
 mod detect;
-#[cfg(test)]
-mod fake;
 mod meter;
 #[cfg(any(test, windows, target_os = "macos"))]
 mod notebook;
@@ -28,19 +26,21 @@ mod plugin;
 mod root;
 mod sampler;
 mod sysfs;
+#[cfg(test)]
+mod testing;
 mod tracker;
 
 pub use adapter::{Adapter, AdapterKind};
 pub(crate) use battery::Feed;
 pub use cpu_time::CpuTimeMeter;
 pub use detect::{detect, meters, open};
-#[cfg(test)]
-pub(crate) use fake::ScriptedMeter;
 pub use meter::{Count, MeterError, MeterInfo, OpenMeterError, PowerMeter, Provenance, Reading};
 #[cfg(feature = "stage")]
 pub(crate) use plugin::switch_off;
 pub use plugin::{MeterChoice, MeterFactory, MeteredPower, PowerPlugin, PowerSystems};
 pub use sampler::{PowerSampler, SamplerSettings};
+#[cfg(test)]
+pub(crate) use testing::ScriptedMeter;
 pub use tracker::{MeterState, PowerSnapshot};
 
 /// In place of NVML in a build without it.

@@ -87,21 +87,12 @@ impl PowerSampler {
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
     pub fn fine(meter: Box<dyn PowerMeter>) -> Result<Self, MeterError> {
-        let interval = FINE_INTERVAL;
-        Self::of(meter, SamplerSettings { interval, smoothing: Duration::ZERO }, true)
-    }
-
-    /// Samples an open meter.
-    fn of(
-        meter: Box<dyn PowerMeter>,
-        settings: SamplerSettings,
-        is_fine: bool,
-    ) -> Result<Self, MeterError> {
+        let settings = SamplerSettings { interval: FINE_INTERVAL, smoothing: Duration::ZERO };
         let mut meter = Some(meter);
         let open = move || {
             meter.take().ok_or_else(|| MeterError::unavailable("sampler", "it was opened").into())
         };
-        Self::start(open, settings, is_fine)
+        Self::start(open, settings, true)
     }
 
     /// Opens a meter on the sampling thread, which may block, and starts to sample it. When `open`
@@ -349,6 +340,13 @@ mod tests {
         }
     }
 
+    /// Samples an open meter.
+    fn sampler_of(meter: impl PowerMeter + 'static, settings: SamplerSettings) -> PowerSampler {
+        let mut meter = Some(Box::new(meter) as Box<dyn PowerMeter>);
+        let open = move || Ok(meter.take().expect("it is opened once"));
+        PowerSampler::start(open, settings, false).expect("a thread")
+    }
+
     fn is_lost(snapshot: &PowerSnapshot) -> bool {
         matches!(snapshot.state, MeterState::Lost { .. })
     }
@@ -359,8 +357,7 @@ mod tests {
         let readings =
             (0..4).map(|index| Ok(Joules(f64::from(index)))).chain([failing.clone(), failing]);
         let readings = readings.chain((10..200).map(|index| Ok(Joules(f64::from(index)))));
-        let sampler =
-            PowerSampler::of(Box::new(ScriptedMeter::new(readings)), QUICK, false).unwrap();
+        let sampler = sampler_of(ScriptedMeter::new(readings), QUICK);
         let running =
             wait_for(&sampler, "first figures", |snapshot| snapshot.state == MeterState::Running);
         assert!(running.latest.unwrap().0 > 0.0 && running.mean.unwrap().0 > 0.0);
@@ -438,18 +435,13 @@ mod tests {
 
     #[test]
     fn a_meter_that_panics_is_lost() {
-        let sampler = PowerSampler::of(Box::new(BadMeter { hang: None }), QUICK, false).unwrap();
+        let sampler = sampler_of(BadMeter { hang: None }, QUICK);
         wait_for(&sampler, "loss", is_lost);
     }
 
     #[test]
     fn a_meter_that_hangs_does_not_block_the_drop() {
-        let sampler = PowerSampler::of(
-            Box::new(BadMeter { hang: Some(Duration::from_secs(30)) }),
-            QUICK,
-            false,
-        )
-        .unwrap();
+        let sampler = sampler_of(BadMeter { hang: Some(Duration::from_secs(30)) }, QUICK);
         let start = Instant::now();
         drop(sampler);
         assert!(start.elapsed() < Duration::from_secs(15), "the meter hangs for 30 s");
@@ -458,20 +450,14 @@ mod tests {
     #[test]
     fn the_longest_interval_overflows_nothing() {
         let settings = SamplerSettings { interval: Duration::MAX, ..QUICK };
-        let meter = Box::new(ScriptedMeter::joules([1.0, 2.0]));
-        let sampler = PowerSampler::of(meter, settings, false).unwrap();
+        let sampler = sampler_of(ScriptedMeter::joules([1.0, 2.0]), settings);
         let snapshot = wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
         assert_eq!(snapshot.latest, None, "one reading gives no power");
     }
 
     #[test]
     fn a_change_is_reported_once() {
-        let sampler = PowerSampler::of(
-            Box::new(ScriptedMeter::joules([1.0]).with_window_seconds(50.0)),
-            QUICK,
-            false,
-        )
-        .unwrap();
+        let sampler = sampler_of(ScriptedMeter::joules([1.0]).with_window_seconds(50.0), QUICK);
         wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
         let mut seen = None;
         assert!(sampler.snapshot_if_changed(&mut seen).is_some());

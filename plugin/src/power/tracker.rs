@@ -90,8 +90,8 @@ pub struct PowerSnapshot {
     pub info: Option<MeterInfo>,
     /// Whether the power is known.
     pub state: MeterState,
-    /// Mean power over the last interval, in watts, with the meter's idle power; finite, at least
-    /// 0. `None` unless the state is `Running`.
+    /// Mean power over the last interval, in watts; finite, at least 0. `None` unless the state is
+    /// `Running`.
     pub latest: Option<Watts>,
     /// Exponential mean of `latest`, in watts; finite, at least 0. `None` unless the state is
     /// `Running`.
@@ -107,8 +107,8 @@ pub struct PowerSnapshot {
     pub dropped_count: u64,
     /// Why the last dropped piece was dropped.
     pub note: Option<String>,
-    /// Energy of all valid pieces so far, without the meter's idle power, and their length. The
-    /// quotient of two differences is a mean power, whatever was dropped between.
+    /// Energy of all valid pieces so far, and their length. The quotient of two differences is a mean
+    /// power, whatever was dropped between.
     pub counted: (Joules, Duration),
 }
 
@@ -172,7 +172,6 @@ pub(crate) fn did_not_move(after: Duration) -> String {
 #[derive(Debug)]
 pub(crate) struct PowerTracker {
     name: String,
-    idle: Watts,
     window: Duration,
     /// Shortest piece.
     least: Duration,
@@ -203,7 +202,6 @@ impl PowerTracker {
         let (info, window) = (meter.info(), least_window(meter));
         Self {
             name: info.name.clone(),
-            idle: meter.idle(),
             window,
             least: window.min(MIN_PIECE),
             smoothing,
@@ -464,14 +462,11 @@ impl PowerTracker {
         // Timers are slightly late or early: an interval a tenth shorter than the window counts.
         if self.open.seconds >= 0.9 * self.window.as_secs_f64() {
             let interval = std::mem::take(&mut self.open);
-            self.publish(self.idle + Watts(interval.watts()), interval.seconds, at);
+            self.publish(Watts(interval.watts()), interval.seconds, at);
         }
     }
 
     fn publish(&mut self, power: Watts, seconds: f64, at: Duration) {
-        if !power.0.is_finite() || power.0 < 0.0 {
-            return self.drop_piece(format!("the power is {} W", power.0));
-        }
         let snapshot = &mut self.snapshot;
         snapshot.mean = Some(match snapshot.mean {
             // An interval's weight depends on its length relative to the time constant, so that the

@@ -66,16 +66,6 @@ fn power_is_rise_over_time() {
 }
 
 #[test]
-fn idle_power_is_added() {
-    let mut tracker = tracker();
-    tracker.idle = Watts(3.0);
-    for second in 0..3_u32 {
-        tracker.push(joules(2.0 * f64::from(second)), at(Duration::from_secs(second.into())));
-    }
-    assert_eq!(latest(&tracker), Some(5.0));
-}
-
-#[test]
 fn a_jump_is_not_counted_and_a_load_is_after_three_pieces() {
     let steady = || (0..20).map(f64::from);
     let jumped = after(steady().chain([722.0, 723.0, 724.0]));

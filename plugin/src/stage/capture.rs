@@ -20,7 +20,7 @@ use super::StageError;
 pub(super) fn picture(world: &World, target: &Handle<Image>) -> Result<Picture, StageError> {
     let (texture, rows) = read(world, target, 4)?;
     let rgb = rows.chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2]]).collect();
-    Picture::new(texture.0, texture.1, rgb).map_err(|error| StageError::ReadBack(error.to_string()))
+    Picture::new(texture.0, texture.1, rgb).map_err(fail)
 }
 
 pub(super) fn radiance(
@@ -37,22 +37,25 @@ pub(super) fn radiance(
     Ok(Radiance { width, height, rgb })
 }
 
+fn fail(problem: impl Display) -> StageError {
+    StageError::failed(format!("the image could not be read back: {problem}"))
+}
+
 /// Size of the target, and its texels without row padding.
 fn read(
     world: &World,
     target: &Handle<Image>,
     texel_bytes: u32,
 ) -> Result<((u32, u32), Vec<u8>), StageError> {
-    let fail = |problem: &dyn Display| StageError::ReadBack(problem.to_string());
     let image = world
         .resource::<RenderAssets<GpuImage>>()
         .get(target)
-        .ok_or_else(|| fail(&"there is no image yet"))?;
+        .ok_or_else(|| fail("there is no image yet"))?;
     let texture: &Texture = &image.texture;
     let bytes_of_format =
-        texture.format().block_copy_size(None).ok_or_else(|| fail(&"an unreadable format"))?;
+        texture.format().block_copy_size(None).ok_or_else(|| fail("an unreadable format"))?;
     if bytes_of_format != texel_bytes {
-        return Err(fail(&"the stage was opened for another kind of image"));
+        return Err(fail("the stage was opened for another kind of image"));
     }
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     let size = texture.size();
@@ -83,8 +86,8 @@ fn read(
     let (sender, receiver) = std::sync::mpsc::channel();
     let slice = buffer.slice(..);
     slice.map_async(MapMode::Read, move |result| drop(sender.send(result)));
-    device.poll(PollType::wait_indefinitely()).map_err(|error| fail(&error))?;
-    receiver.recv().map_err(|error| fail(&error))?.map_err(|error| fail(&error))?;
+    device.poll(PollType::wait_indefinitely()).map_err(fail)?;
+    receiver.recv().map_err(fail)?.map_err(fail)?;
     let mapped = slice.get_mapped_range();
     let texels = mapped
         .chunks_exact(padded as usize)

@@ -44,11 +44,11 @@ impl Stage {
                 // Some per-camera resources of the scene lag the camera by a frame.
                 self.show(clip.get(..1).unwrap_or_default());
                 let (_, shown) = self.complete(best, |stage| stage.play(clip))?;
-                Reference::new(&shown)?
+                Reference::new(&shown).map_err(StageError::failed)?
             }
         };
         let (power, shown) = self.complete(settings, |stage| stage.play(clip))?;
-        let error = reference.error(&shown)?;
+        let error = reference.error(&shown).map_err(StageError::failed)?;
         self.reference = Some((clip.to_vec(), reference));
         Ok(Measurement { power, error })
     }

@@ -57,7 +57,7 @@ pub(super) fn load(app: &mut App, seconds: f64) -> Result<Entity, StageError> {
     loop {
         app.update();
         if app.should_exit().is_some() {
-            return Err(StageError::Ended);
+            return Err(StageError::failed(StageError::ENDED));
         }
         let counted = counts(app.world());
         if counted != settled.0 {
@@ -68,7 +68,7 @@ pub(super) fn load(app: &mut App, seconds: f64) -> Result<Entity, StageError> {
             Err(missing) => missing,
         };
         if start.elapsed().as_secs_f64() > seconds {
-            return Err(StageError::NotReady(format!(
+            return Err(StageError::not_ready(format!(
                 "after {seconds} s the app's level is not there: it waits for {missing}"
             )));
         }
@@ -89,7 +89,7 @@ fn counts(world: &World) -> [usize; 3] {
 fn missing(world: &mut World, unchanged: Duration) -> Result<Result<Entity, String>, StageError> {
     let camera = camera(world)?.ok_or_else(|| "an active `Camera3d`".to_owned());
     match world.get_resource::<StageReady>() {
-        Some(StageReady::Failed(reason)) => return Err(StageError::Level(reason.clone())),
+        Some(StageReady::Failed(reason)) => return Err(StageError::usage(reason)),
         Some(StageReady::NotYet) => return Ok(Err("its `StageReady`".to_owned())),
         Some(StageReady::Ready) => return Ok(camera),
         None if camera.is_err() => return Ok(camera),
@@ -134,7 +134,7 @@ fn camera(world: &mut World) -> Result<Option<Entity>, StageError> {
         _ => {
             let count = named.len();
             let message = format!("{count} entities have a `StageCamera`: leave it to one");
-            return Err(StageError::Level(message));
+            return Err(StageError::usage(message));
         }
     }
     type Cameras = (Entity, &'static Camera, Has<FrugalGi>);
@@ -161,7 +161,7 @@ pub(super) struct Held {
 pub(super) fn hold(app: &mut App) -> Result<Entity, StageError> {
     let world = app.world_mut();
     let Some(camera) = camera(world)? else {
-        return Err(StageError::Level("there is no active `Camera3d`".to_owned()));
+        return Err(StageError::usage("there is no active `Camera3d`"));
     };
     // Placed in the world, whatever it was part of. Its own parts follow it.
     world.entity_mut(camera).remove::<ChildOf>();

@@ -29,10 +29,11 @@ const MAX_STEP_SECONDS: f64 = 1.0;
 pub(super) fn open(options: &StageOptions, adapter: &Adapter) -> Result<Option<Meter>, StageError> {
     let opened = match options.meter.as_deref() {
         Some(NO_METER) => return Ok(None),
-        Some(name) => crate::power::open(name)?,
-        None => crate::power::detect(adapter)?,
+        Some(name) => crate::power::open(name),
+        None => crate::power::detect(adapter),
     };
-    Ok(Some(Meter::new(opened)?))
+    let meter = Meter::new(opened.map_err(StageError::usage)?);
+    meter.map(Some).map_err(StageError::failed)
 }
 
 impl Stage {
@@ -62,11 +63,12 @@ impl Stage {
         let power = meter.frames(rate, least, &mut |number| frame(self, number));
         let name = meter.info.name.clone();
         self.meter = Some(meter);
-        let power = power?;
+        let power = power.map_err(StageError::failed)?;
         if power.0.is_finite() && power.0 > 0.0 {
             return Ok(Some(power));
         }
-        Err(MeterError::broken(name, format!("gave {power} for rendered frames")).into())
+        let error = MeterError::broken(name, format!("gave {power} for rendered frames"));
+        Err(StageError::failed(error))
     }
 
     /// Idle power: measured where the meter covers the whole device, otherwise the meter's own
@@ -75,7 +77,7 @@ impl Stage {
     /// # Errors
     /// When the meter cannot be read.
     pub(super) fn idle(&mut self) -> Result<Watts, StageError> {
-        Ok(self.meter.as_mut().map_or(Ok(Watts(0.0)), Meter::idle)?)
+        self.meter.as_mut().map_or(Ok(Watts(0.0)), Meter::idle).map_err(StageError::failed)
     }
 }
 

@@ -86,7 +86,7 @@ impl Stage {
     /// When there is no adapter, an option is out of range, or the renderer does not become ready.
     pub fn new(mut app: App, camera: Entity, options: StageOptions) -> Result<Self, StageError> {
         options.check()?;
-        let adapter = adapter().ok_or(StageError::NoAdapter)?;
+        let adapter = adapter().ok_or_else(|| StageError::usage(StageError::NO_ADAPTER))?;
         let meter = metering::open(&options, &adapter)?;
         let target = camera::take(app.world_mut(), camera, &options);
         step_time(app.world_mut(), options.frames_per_second);

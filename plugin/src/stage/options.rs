@@ -1,8 +1,13 @@
 //! Options of a stage: size, rate, the light that its images show, knobs and meter; and why one cannot be
 //! opened or go on.
 
+use std::fmt::Display;
+use std::io;
+
 use bevy::math::UVec2;
 use serde::{Deserialize, Serialize};
+
+use crate::knobs::KnobSpaceError;
 
 /// Name of a meter that is none: frames have no power.
 pub const NO_METER: &str = "none";
@@ -72,67 +77,60 @@ impl StageOptions {
         // Ambient occlusion needs five mip levels of the view, also at half the resolution. Bevy
         // aborts rendering if the view is too small for them.
         if self.size.min_element() == 0 || !(32..=8192).contains(&self.size.max_element()) {
-            return Err(StageError::Size(self.size.x, self.size.y));
+            return Err(StageError::usage(format!(
+                "size {}x{}: must be 32 pixels or more along one side at least, and no more than 8192 along either",
+                self.size.x, self.size.y
+            )));
         }
         if !(self.frames_per_second.is_finite() && self.frames_per_second > 0.0) {
-            return Err(StageError::FrameRate(self.frames_per_second));
+            let rate = self.frames_per_second;
+            let message = format!("frame rate {rate}: must be a finite number above 0");
+            return Err(StageError::usage(message));
         }
         Ok(())
     }
 }
 
 /// Why an app is no stage, or a frame cannot be rendered.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StageError {
-    /// There is neither a GPU nor a software adapter.
-    #[error(
-        "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again"
-    )]
-    NoAdapter,
-    /// A size of 0, too small for some of the passes, or larger than a texture can be.
-    #[error(
-        "size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either"
-    )]
-    Size(u32, u32),
-    /// A frame rate that is not above 0 or not finite.
-    #[error("frame rate {0}: must be a finite number above 0")]
-    FrameRate(f64),
-    /// The app cannot show what was asked for.
-    #[error("{0}")]
-    Level(String),
-    /// The app ended itself.
-    #[error("the app ended itself")]
-    Ended,
-    /// An unknown knob.
-    #[error(transparent)]
-    Knob(#[from] frugal_core::knobs::KnobSpaceError),
-    /// The meter.
-    #[error(transparent)]
-    OpenMeter(#[from] crate::power::OpenMeterError),
-    /// A reading.
-    #[error(transparent)]
-    Meter(#[from] crate::power::MeterError),
-    /// The environment map.
-    #[error(transparent)]
-    Environment(#[from] frugal_trace::scene::SkyError),
-    /// A pipeline that does not compile or never becomes ready.
-    #[error("the renderer did not become ready: {0}")]
-    NotReady(String),
-    /// The image could not be read back.
-    #[error("the image could not be read back: {0}")]
-    ReadBack(String),
-    /// The comparison of images.
-    #[error(transparent)]
-    Compare(#[from] frugal_trace::metrics::SsimError),
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[error("{message}")]
+pub struct StageError {
+    /// Whether the cause is the input and not the rendering.
+    pub usage: bool,
+    /// The message.
+    pub message: String,
 }
 
 impl StageError {
-    /// Whether the cause is the input and not the rendering.
-    pub fn is_usage(&self) -> bool {
-        !matches!(
-            self,
-            Self::Ended | Self::Meter(_) | Self::NotReady(_) | Self::ReadBack(_) | Self::Compare(_)
-        )
+    /// There is neither a GPU nor a software adapter.
+    pub const NO_ADAPTER: &str = "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again";
+    /// The app ended itself.
+    pub(super) const ENDED: &str = "the app ended itself";
+
+    /// Invalid input.
+    pub fn usage(message: impl ToString) -> Self {
+        Self { usage: true, message: message.to_string() }
+    }
+
+    /// The rendering failed.
+    pub fn failed(message: impl ToString) -> Self {
+        Self { usage: false, message: message.to_string() }
+    }
+
+    /// A pipeline does not compile or never becomes ready.
+    pub(super) fn not_ready(message: impl Display) -> Self {
+        Self::failed(format!("the renderer did not become ready: {message}"))
+    }
+}
+
+impl From<io::Error> for StageError {
+    fn from(error: io::Error) -> Self {
+        Self::failed(error)
+    }
+}
+
+impl From<KnobSpaceError> for StageError {
+    fn from(error: KnobSpaceError) -> Self {
+        Self::usage(error)
     }
 }

@@ -90,7 +90,7 @@ impl Stage {
             }
             self.finish_pipelines()?;
         }
-        Err(StageError::NotReady(format!(
+        Err(StageError::not_ready(format!(
             "it compiled pipelines in each of {MOST_TRIES} renderings of the same frames"
         )))
     }
@@ -98,14 +98,14 @@ impl Stage {
     /// Fails if a shader does not compile, or the app has ended.
     pub(super) fn check(&self) -> Result<(), StageError> {
         if self.has_ended {
-            return Err(StageError::Ended);
+            return Err(StageError::failed(StageError::ENDED));
         }
         for pipeline in self.render_world().resource::<PipelineCache>().pipelines() {
             if let CachedPipelineState::Err(error) = &pipeline.state
                 // Shaders load in the background; Bevy retries in the next frame.
                 && !matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
             {
-                return Err(StageError::NotReady(error.to_string()));
+                return Err(StageError::not_ready(error));
             }
         }
         Ok(())
@@ -118,7 +118,7 @@ impl Stage {
             state => Some(format!("{} ({state:?})", label(&pipeline.descriptor))),
         });
         let waiting = waiting.collect::<Vec<_>>().join(", ");
-        StageError::NotReady(format!(
+        StageError::not_ready(format!(
             "after {} s these are still missing: {waiting}",
             MAX_TIME.as_secs()
         ))

@@ -44,33 +44,16 @@ pub trait Row: Default + Serialize + DeserializeOwned + Send + 'static {
     fn validated(self) -> Result<Self, String>;
 }
 
-/// Why a text is not a log of these rows. The message includes the remedy.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+/// Why a text is not a log of these rows: it is another kind of file, or one of another version, or has
+/// an invalid row. The message includes the remedy.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {reason}")]
 #[non_exhaustive]
-pub enum RowLogError {
-    /// Another kind of file, or one of another version.
-    #[error(
-        "line {line}: `{found}` instead of `{expected}`: give a file that {plugin} of this version wrote"
-    )]
-    Header {
-        /// Line, from 1.
-        line: usize,
-        /// Beginning of the line.
-        found: String,
-        /// The line of such a log.
-        expected: String,
-        /// The plugin that writes such logs.
-        plugin: &'static str,
-    },
-    /// A row with a field too few or too many, or with one that is no number of its column's kind or
-    /// out of its range.
-    #[error("line {line}: {reason}: correct the line, or remove it")]
-    Row {
-        /// Line, from 1.
-        line: u64,
-        /// The field, and what is wrong with it.
-        reason: String,
-    },
+pub struct RowLogError {
+    /// Line, from 1.
+    pub line: u64,
+    /// What is wrong with it, and the remedy.
+    pub reason: String,
 }
 
 /// The text of a log of `rows`, which [`read_rows`] restores bit by bit if they are
@@ -95,22 +78,20 @@ pub fn read_rows<R: Row>(text: &str) -> Result<Vec<R>, RowLogError> {
     for (index, expected) in header.lines().enumerate() {
         let found = text.lines().nth(index).unwrap_or_default();
         if !found.split(',').map(str::trim).eq(expected.split(',')) {
-            let (found, expected) = (quote(found), expected.to_owned());
-            return Err(RowLogError::Header {
-                line: index + 1,
-                found,
-                expected,
-                plugin: R::PLUGIN,
-            });
+            let (found, plugin) = (quote(found), R::PLUGIN);
+            let reason = format!(
+                "`{found}` instead of `{expected}`: give a file that {plugin} of this version wrote"
+            );
+            return Err(RowLogError { line: index as u64 + 1, reason });
         }
     }
     let whole = text.rfind('\n').map_or(0, |end| end + 1);
     let skipped = R::PREAMBLE.lines().count();
     let table = text[..whole].splitn(skipped + 1, '\n').last().unwrap_or_default();
     let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(table.as_bytes());
-    let fault = |at: Option<&Position>, reason| RowLogError::Row {
+    let fault = |at: Option<&Position>, reason: String| RowLogError {
         line: at.map_or(0, Position::line) + skipped as u64,
-        reason,
+        reason: format!("{reason}: correct the line, or remove it"),
     };
     let columns = reader.headers().map_err(|error| fault(error.position(), error.to_string()))?;
     let columns = columns.clone();

@@ -39,8 +39,6 @@ pub(super) struct Arguments {
 
 /// Number of cameras for readings.
 const CAMERAS: usize = 6;
-/// Folds of the cross-validation.
-const FOLDS: usize = 5;
 /// Fewest readings for a fit of prices.
 const FEWEST: usize = 40;
 
@@ -92,7 +90,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             started.elapsed().as_secs_f64()
         )));
     }
-    let error = CostModel::cross_validated(&readings, Watts(0.0), FOLDS);
+    let error = CostModel::cross_validated(&readings, Watts(0.0));
     let model = CostModel::fit(&readings, Watts(0.0));
     let device = DeviceModel {
         adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),

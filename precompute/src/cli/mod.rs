@@ -25,7 +25,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::scene::SceneError;
-use crate::stage::RemoteError;
+use crate::stage::StageError;
 
 /// Finds Pareto-optimal rendering settings in power and error for every camera of a scene.
 #[derive(Parser, Debug)]
@@ -154,8 +154,8 @@ impl From<SceneError> for CliError {
     }
 }
 
-impl From<RemoteError> for CliError {
-    fn from(error: RemoteError) -> Self {
+impl From<StageError> for CliError {
+    fn from(error: StageError) -> Self {
         if error.usage { Self::usage(error) } else { Self::failed(error) }
     }
 }

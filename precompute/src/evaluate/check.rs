@@ -46,7 +46,7 @@ mod tests {
     use frugal_search::testing::formula::{ALONG, map, path, recorded, space, trial};
 
     use super::*;
-    use crate::evaluate::fake::Fake;
+    use crate::evaluate::testing::Fake;
 
     #[test]
     fn a_real_play_checks_the_record_and_finds_drift() {

@@ -11,10 +11,10 @@
 //! | `table` | results as text, and per-frame CSV |
 
 mod check;
-#[cfg(test)]
-pub(crate) mod fake;
 mod render_path;
 mod table;
+#[cfg(test)]
+pub(crate) mod testing;
 
 use std::ops::ControlFlow;
 
@@ -24,7 +24,7 @@ use frugal_search::pipeline::PipelineError;
 use frugal_trace::metrics::Reference;
 
 use crate::scene::CameraPath;
-use crate::stage::{FrameRenderer, RemoteError};
+use crate::stage::{FrameRenderer, StageError};
 pub(crate) use check::play_for_real;
 pub(crate) use render_path::extend;
 pub(crate) use table::{TABLE_HEADERS, frames_csv, headline, notes, table, table_row};
@@ -59,15 +59,17 @@ fn play(
     mut against: Against<'_>,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<FrameRecord>, PipelineError> {
+    let failed = |error: StageError| PipelineError::Measure(error.message);
     let dt = path.fps().recip();
     let mut records = Vec::with_capacity(path.poses().len());
     for (frame, pose) in path.poses().iter().enumerate() {
         let choice = policy.decide(frame, dt, pose);
         if frame == 0 {
-            renderer.begin_run(pose, choice.settings)?;
+            renderer.begin_run(pose, choice.settings).map_err(failed)?;
         }
-        let (picture, power) = renderer.render_frame(pose, choice.settings)?;
-        let at_frame = |error| RemoteError::failed(format!("run `{name}`, frame {frame}: {error}"));
+        let (picture, power) = renderer.render_frame(pose, choice.settings).map_err(failed)?;
+        let at_frame =
+            |error| PipelineError::Measure(format!("run `{name}`, frame {frame}: {error}"));
         let error = match &mut against {
             Against::Collect(references) => {
                 references.push(Reference::new(&picture).map_err(at_frame)?);

@@ -102,7 +102,7 @@ mod tests {
     use frugal_search::testing::formula::{path, space};
 
     use super::*;
-    use crate::evaluate::fake::Fake;
+    use crate::evaluate::testing::Fake;
 
     #[test]
     fn an_interrupted_record_resumes_with_the_missing_settings() {

@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi_tools::control_log::ControlSample;
 
-use super::{Axis, Color, Curve, Fact, Plot, Report, percent};
+use super::{Axis, BLUE, Curve, Fact, GREY, Plot, RED, RGBColor, Report, percent};
 use crate::control_log::{CameraLog, changes};
 
 /// Most points of a curve; a longer log is averaged.
@@ -81,22 +81,22 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
         let plot = Plot { label, curves: &curves, ..Plot::default() };
         (!curves.is_empty()).then(|| Ok((label, plot.svg([Axis::TIME, axis])?)))
     };
-    let of = |color: Color, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value);
+    let of = |color: RGBColor, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value);
     let power_limit = |sample: &ControlSample| {
         let own = sample.power_budget_w;
         [own, sample.app_budget_w].into_iter().flatten().reduce(f64::min)
     };
-    let power = of(Color::BLUE, |sample| sample.predicted_w)
+    let power = of(BLUE, |sample| sample.predicted_w)
         .into_iter()
         .chain(limits(log, power_limit))
-        .chain(of(Color::GREY, |sample| sample.metered_w));
-    let error = of(Color::BLUE, |sample| sample.predicted_error)
+        .chain(of(GREY, |sample| sample.metered_w));
+    let error = of(BLUE, |sample| sample.predicted_error)
         .into_iter()
         .chain(limits(log, |sample| sample.error_budget))
-        .chain(of(Color::GREY, |sample| sample.measured_error));
-    let frame = of(Color::BLUE, |sample| sample.frame_ms)
+        .chain(of(GREY, |sample| sample.measured_error));
+    let frame = of(BLUE, |sample| sample.frame_ms)
         .into_iter()
-        .chain(of(Color::GREY, |sample| sample.longest_frame_ms));
+        .chain(of(GREY, |sample| sample.longest_frame_ms));
     let plots = [
         plot("Power", Axis::linear("power, W"), power.collect()),
         plot("Error", Axis::ERROR, error.collect()),
@@ -105,9 +105,9 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
     let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, String>>()?;
     if !plots.is_empty() {
         report.legend([
-            ("predicted; mean frame", Color::BLUE),
-            ("budget", Color::RED),
-            ("metered, measured; longest frame", Color::GREY),
+            ("predicted; mean frame", BLUE),
+            ("budget", RED),
+            ("metered, measured; longest frame", GREY),
         ]);
         report.plots(&plots);
     }
@@ -128,7 +128,7 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
 /// A value over time; `None` where no sample has it.
 fn curve(
     log: &CameraLog,
-    color: Color,
+    color: RGBColor,
     value: impl Fn(&ControlSample) -> Option<f64>,
 ) -> Option<Curve> {
     let points: Vec<(f64, f64)> =
@@ -146,7 +146,7 @@ fn limits(log: &CameraLog, limit: impl Fn(&ControlSample) -> Option<f64>) -> Vec
         .chunk_by(|a, b| limit(a).is_some() == limit(b).is_some())
         .map(|samples| thinned(&points(samples)))
         .filter(|points| !points.is_empty())
-        .map(|points| Curve { color: Color::RED, width: 2, points })
+        .map(|points| Curve { color: RED, width: 2, points })
         .collect()
 }
 

@@ -4,7 +4,7 @@ use frugal_search::evaluate::{EvaluationResult, FrameRecord, RunResult};
 
 use crate::evaluate::{TABLE_HEADERS, headline, notes, table_row};
 
-use super::{Axis, Color, Curve, Mark, Plot, Report, provenance};
+use super::{Axis, Curve, GREY, Mark, Plot, RED, RGBColor, Report, SERIES, provenance};
 
 /// A page on `result`.
 ///
@@ -32,16 +32,16 @@ pub(crate) fn evaluation_report(result: &EvaluationResult) -> Result<String, Str
     Ok(report.render())
 }
 
-fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
+fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, RGBColor)> {
     (result.budget.power_w.is_some() || result.budget.error.is_some())
-        .then_some(("budget (dashed)", Color::RED))
+        .then_some(("budget (dashed)", RED))
 }
 
 /// Runs drawn over time, where they exist: more curves could not be told apart.
 const OVER_TIME: [&str; 4] = ["frugal", "trained-constant", "oracle", "maximum"];
 
-fn color(run: &str) -> Color {
-    OVER_TIME.iter().position(|name| *name == run).map_or(Color::GREY, |at| Color::SERIES[at])
+fn color(run: &str) -> RGBColor {
+    OVER_TIME.iter().position(|name| *name == run).map_or(GREY, |at| SERIES[at])
 }
 
 fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, String> {

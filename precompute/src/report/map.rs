@@ -2,9 +2,9 @@
 
 use frugal_core::frontier::{Corner, Frontier, FrontierMap};
 
-use crate::inspect::{Gain, gain};
-
-use super::{Axis, Color, Curve, Fact, Plot, Report, provenance, settings_table, staircase};
+use super::{
+    Axis, BLUE, Curve, Fact, GREY, Plot, RGBColor, Report, provenance, settings_table, staircase,
+};
 
 /// A page on a map; `facts`: conditions of the map.
 ///
@@ -30,12 +30,12 @@ pub(crate) fn map_section(report: &mut Report, map: &FrontierMap) -> Result<(), 
         provenance(&map.meter)
     ));
     report.facts(&map_facts(map));
-    let curve = |frontier: &Frontier, color: Color, width: u32| {
+    let curve = |frontier: &Frontier, color: RGBColor, width: u32| {
         let points = staircase(frontier);
         Curve { color, width, points }
     };
-    let mut curves = vec![curve(&map.shared, Color::BLUE, 2)];
-    curves.extend(octree.frontiers.iter().map(|frontier| curve(frontier, Color::GREY, 1)));
+    let mut curves = vec![curve(&map.shared, BLUE, 2)];
+    curves.extend(octree.frontiers.iter().map(|frontier| curve(frontier, GREY, 1)));
     let frontiers = Plot { label: "The frontiers", curves: &curves, ..Plot::default() };
     report.plots(&[(
         "The frontier over all views (blue), and those of the addresses (grey)",
@@ -60,8 +60,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         ),
         _ => "there is no shared frontier".to_owned(),
     };
-    let views =
-        gain(map).map_or_else(|| "there is no choice between settings".to_owned(), Gain::sentence);
     let budgets = match map.error_rates.0.as_slice() {
         [first, .., last] => {
             format!("errors of {} to {} are calibrated", first.budget, last.budget)
@@ -95,7 +93,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
             ),
         ),
         ("power", power),
-        ("views", views),
         ("budgets", budgets),
         (
             "thresholds",

@@ -21,6 +21,7 @@ mod search;
 use frugal_core::frontier::FrontierPoint;
 use frugal_core::knobs::KnobSpace;
 use frugal_core::power::{MeterInfo, Provenance};
+use plotters::style::RGBColor;
 
 pub(crate) use control_log::{
     control_log_report, facts as control_log_facts, heading as control_log_heading,
@@ -28,7 +29,7 @@ pub(crate) use control_log::{
 pub(crate) use evaluation::evaluation_report;
 pub(crate) use map::{map_facts, map_report, map_section};
 pub(crate) use page::Report;
-use plot::{Axis, Color, Curve, Mark, Plot, escape, staircase};
+use plot::{Axis, BLUE, Curve, GREY, Mark, Plot, RED, SERIES, escape, staircase};
 pub(crate) use search::{SearchSummary, search_facts, search_section};
 
 /// A name and a value.

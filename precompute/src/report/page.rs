@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Color, Fact, escape};
+use super::{Fact, RGBColor, escape};
 
 /// Light and dark mode by the reader's preference; one column on a phone; wide elements scroll.
 const STYLE: &str = include_str!("style.css");
@@ -120,13 +120,12 @@ impl Report {
     }
 
     /// A legend of colours.
-    pub(crate) fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, Color)>) {
+    pub(crate) fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, RGBColor)>) {
         self.body.push_str("<ul class=\"legend\">\n");
-        for (name, color) in entries {
+        for (name, RGBColor(red, green, blue)) in entries {
             let _ = writeln!(
                 self.body,
-                "<li><span style=\"background:{}\"></span>{}</li>",
-                color.css(),
+                "<li><span style=\"background:#{red:02x}{green:02x}{blue:02x}\"></span>{}</li>",
                 escape(name)
             );
         }
@@ -137,6 +136,7 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::BLUE;
 
     const NASTY: &str = "<script>alert(\"1\" & '2')</script>\0";
 
@@ -149,7 +149,7 @@ mod tests {
         report.warning(NASTY);
         report.facts(&[(NASTY, NASTY.into())]);
         report.table(NASTY, &[NASTY], &[vec![NASTY.into()]]);
-        report.legend([(NASTY, Color::BLUE)]);
+        report.legend([(NASTY, BLUE)]);
         let html = report.render();
         assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
         assert_eq!(

@@ -25,30 +25,15 @@ const NAME_HEIGHT: i32 = 15;
 /// Length of the longest logarithmic axis.
 const MOST_DECADES: f64 = 5.0;
 
-/// A colour of data.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Color(pub u8, pub u8, pub u8);
-
-impl Color {
-    /// First choice.
-    pub(crate) const BLUE: Self = Self(0x2f, 0x7d, 0xe1);
-    /// Limits.
-    pub(crate) const RED: Self = Self(0xd6, 0x45, 0x50);
-    /// Background data.
-    pub(crate) const GREY: Self = Self(0x80, 0x88, 0x90);
-    /// Distinguishable, also with most red-green colour vision deficiencies.
-    pub(crate) const SERIES: [Self; 4] =
-        [Self::BLUE, Self(0xd9, 0x73, 0x0d), Self(0x2a, 0x9d, 0x8a), Self(0xb0, 0x5f, 0xc8)];
-
-    /// As CSS writes it.
-    pub(crate) fn css(self) -> String {
-        format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
-    }
-
-    fn rgb(self) -> RGBColor {
-        RGBColor(self.0, self.1, self.2)
-    }
-}
+/// First choice.
+pub(crate) const BLUE: RGBColor = RGBColor(0x2f, 0x7d, 0xe1);
+/// Limits.
+pub(crate) const RED: RGBColor = RGBColor(0xd6, 0x45, 0x50);
+/// Background data.
+pub(crate) const GREY: RGBColor = RGBColor(0x80, 0x88, 0x90);
+/// Distinguishable, also with most red-green colour vision deficiencies.
+pub(crate) const SERIES: [RGBColor; 4] =
+    [BLUE, RGBColor(0xd9, 0x73, 0x0d), RGBColor(0x2a, 0x9d, 0x8a), RGBColor(0xb0, 0x5f, 0xc8)];
 
 /// What an axis shows.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +73,7 @@ impl<'a> Axis<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct Curve {
     /// Its colour.
-    pub color: Color,
+    pub color: RGBColor,
     /// Line width, pixels.
     pub width: u32,
     /// x and y; those that are not finite are left out.
@@ -103,7 +88,7 @@ pub(crate) struct Mark {
     /// x and y.
     pub at: (f64, f64),
     /// Its colour.
-    pub color: Color,
+    pub color: RGBColor,
 }
 
 /// Curves and named marks over two axes.
@@ -206,12 +191,12 @@ impl Plot<'_> {
             (x.is_finite() && y.is_finite()).then_some(inside)
         };
         for curve in self.curves.iter().rev() {
-            let style = curve.color.rgb().stroke_width(curve.width);
+            let style = curve.color.stroke_width(curve.width);
             let points = curve.points.iter().filter_map(visible);
             chart.draw_series(LineSeries::new(points, style)).map_err(failed)?;
         }
         if let Some(limit) = self.limit.filter(|limit| limit.is_finite()) {
-            let style = Color::RED.rgb().stroke_width(2);
+            let style = RED.stroke_width(2);
             let ends = [ends.0.start, ends.0.end].map(|x| (x, limit.max(ends.1.start)));
             chart.draw_series(DashedLineSeries::new(ends, 7, 5, style)).map_err(failed)?;
         }
@@ -237,7 +222,7 @@ impl Plot<'_> {
             let style = SMALL.into_font().color(&BLACK).pos(Pos::new(anchor, VPos::Center));
             let aside = if is_left { -9 } else { 9 };
             let element = EmptyElement::at(at)
-                + Circle::new((0, 0), 5, mark.color.rgb().filled())
+                + Circle::new((0, 0), 5, mark.color.filled())
                 + Text::new(mark.name.clone(), (aside, top - own), style);
             chart.draw_series([element]).map_err(failed)?;
         }
@@ -349,8 +334,8 @@ mod tests {
     #[test]
     fn plots_are_complete_use_the_page_s_colour_and_leave_out_invalid_values() {
         let odd = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (1.0, 1.0), (1.0, 1.0), (2.0, 0.5)];
-        let curves = [Curve { color: Color::BLUE, width: 2, points: odd.to_vec() }];
-        let mark = |at| Mark { name: "<a & b>".into(), at, color: Color::GREY };
+        let curves = [Curve { color: BLUE, width: 2, points: odd.to_vec() }];
+        let mark = |at| Mark { name: "<a & b>".into(), at, color: GREY };
         let marks = [odd[0], (0.0, 0.0), (2.0, 1.0), (-1.0, 1e300)].map(mark);
         let plain = Plot { label: "plot", ..Plot::default() };
         let full = Plot { curves: &curves, marks: &marks, limit: Some(0.7), ..plain };
@@ -376,7 +361,7 @@ mod tests {
     #[test]
     fn a_logarithmic_axis_has_round_numbers_and_room_for_zero() {
         let points = vec![(1.0, 0.0), (2.0, 1e-12), (3.0, 0.1)];
-        let curves = [Curve { color: Color::BLUE, width: 2, points }];
+        let curves = [Curve { color: BLUE, width: 2, points }];
         let plot = Plot { label: "errors", curves: &curves, ..Plot::default() };
         let svg = plot.svg([Axis::TIME, Axis::ERROR]).unwrap();
         assert!(svg.contains("\n0.1\n") && svg.contains("\n0.00001\n"), "{svg}");

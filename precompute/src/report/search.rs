@@ -6,7 +6,9 @@ use frugal_search::cameras::{CameraSet, MovingCamera};
 use frugal_search::pipeline::Outcome;
 use glam::Vec3;
 
-use super::{Axis, Color, Curve, Fact, Mark, Plot, Report, percent, settings_table, staircase};
+use super::{
+    Axis, BLUE, Curve, Fact, GREY, Mark, Plot, Report, SERIES, percent, settings_table, staircase,
+};
 
 /// A finished search.
 #[derive(Debug)]
@@ -116,11 +118,11 @@ fn plan(summary: &SearchSummary) -> Result<String, String> {
     let line = |camera: &MovingCamera| {
         let (from, forward) = (camera.pose.position, camera.pose.forward());
         let points = vec![above(from), above(from + length * forward)];
-        Curve { color: Color::BLUE, width: 2, points }
+        Curve { color: BLUE, width: 2, points }
     };
     let point = |camera: &MovingCamera| {
         let at = above(camera.pose.position);
-        Mark { name: String::new(), at, color: Color::GREY }
+        Mark { name: String::new(), at, color: GREY }
     };
     let training = outcome.training_cameras.iter().filter_map(|one| cameras.training.get(*one));
     let lines: Vec<Curve> = training.map(line).collect();
@@ -156,12 +158,11 @@ fn equal_power(summary: &SearchSummary) -> Result<String, String> {
         };
         Some((mean(|cost| cost.power.0), mean(|cost| cost.error)))
     };
-    let by_view =
-        Curve { color: Color::BLUE, width: 2, points: rates().filter_map(mean).collect() };
+    let by_view = Curve { color: BLUE, width: 2, points: rates().filter_map(mean).collect() };
     let points =
         constants.iter().map(|cost| FrontierPoint { settings: KnobLevels::default(), cost: *cost });
     let best = staircase(&Frontier::from_points(points));
-    let best = Curve { color: Color::SERIES[1], width: 2, points: best };
+    let best = Curve { color: SERIES[1], width: 2, points: best };
     let plot = Plot {
         label: "Mean error at equal mean power",
         curves: &[by_view, best],

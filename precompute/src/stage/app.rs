@@ -42,7 +42,7 @@ pub fn open_with(
 ) -> Result<Stage, StageError> {
     options.check()?;
     // Bevy panics without one.
-    bevy_frugal_gi::stage::adapter().ok_or(StageError::NoAdapter)?;
+    bevy_frugal_gi::stage::adapter().ok_or_else(|| StageError::usage(StageError::NO_ADAPTER))?;
     let mut app = headless();
     extend(&mut app);
     app.finish();
@@ -51,7 +51,7 @@ pub fn open_with(
     loop {
         app.update();
         if let Some(loaded) = &app.world().resource::<SpawnedGeometry>().loaded {
-            loaded.clone().map_err(StageError::Level)?;
+            loaded.clone().map_err(StageError::usage)?;
             return Stage::new(app, camera, options);
         }
         std::thread::sleep(YIELD);

@@ -53,7 +53,7 @@ pub(super) fn map(
     file: &Path,
     intensity: f32,
 ) -> Result<(), StageError> {
-    let picture = SkyMap::read(file)?;
+    let picture = SkyMap::read(file).map_err(StageError::usage)?;
     let pyramid = Pyramid::new(&picture);
     let cubes = [
         pyramid.diffuse(),

@@ -34,7 +34,7 @@ pub use bevy_frugal_gi::stage::{
     Component, Output, Stage, StageError, StageOptions, adapter, software_adapter,
 };
 pub use frugal_trace::metrics::Radiance;
-pub(crate) use remote::{Program, RemoteError, RemoteStage, Shot, StagedScene, guard};
+pub(crate) use remote::{Program, RemoteStage, Shot, StagedScene, guard};
 pub use world::populate;
 
 /// Renders and meters frames: a stage, or formulas in tests.
@@ -44,7 +44,7 @@ pub(crate) trait FrameRenderer {
     ///
     /// # Errors
     /// When the run cannot start.
-    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), RemoteError>;
+    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), StageError>;
 
     /// Renders the next frame, at `pose` with `settings`: its display-referred image, and its power at the
     /// target frame rate, idle + this frame's energy × frames per second. All frames are of one size.
@@ -55,7 +55,7 @@ pub(crate) trait FrameRenderer {
         &mut self,
         pose: &CameraPose,
         settings: KnobLevels,
-    ) -> Result<(Picture, Watts), RemoteError>;
+    ) -> Result<(Picture, Watts), StageError>;
 }
 
 /// Each worker, in a thread of its own, takes the next job when it has done its last. What a job
@@ -102,7 +102,7 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Vec<String> {
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
     let has_environment = scene.environment.sends_light();
     let has_emissive = geometry.materials.iter().any(|material| material.emissive != [0.0; 3]);
-    let space = knobs();
+    let space = built_in_knobs(false);
     // From a corner, the shortest view distance may leave out the opposite one.
     let is_wide = || {
         let share = space.value(space.lowest(), "view_distance").unwrap_or(1.0);
@@ -130,17 +130,8 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Vec<String> {
     space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect()
 }
 
-/// All built-in knobs except the opt-in ones.
-pub(crate) fn knobs() -> KnobSpace {
-    built_in(false)
-}
-
-/// All built-in knobs.
-pub fn every_knob() -> KnobSpace {
-    built_in(true)
-}
-
-fn built_in(with_opt_in: bool) -> KnobSpace {
+/// All built-in knobs, with or without the opt-in ones.
+pub(crate) fn built_in_knobs(with_opt_in: bool) -> KnobSpace {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
     let registry = app.world().resource::<KnobRegistry>();

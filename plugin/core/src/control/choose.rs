@@ -9,7 +9,8 @@
 
 use glam::Vec3;
 
-use super::limits::Limits;
+use super::limits::{Limits, resolve};
+use super::observed::Observed;
 use super::rate::Rate;
 use super::{Budget, ControlSettings, Limit};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
@@ -63,7 +64,7 @@ pub struct Choice {
 /// infinite error limit the cheapest. No limit selects the best settings. On a frontier each
 /// additional watt reduces the error, so no power is wasted.
 pub fn select(frontier: &Frontier, budget: &Budget) -> Option<Choice> {
-    select_within(frontier, &budget.limits().ok()?)
+    select_within(frontier, &resolve(budget, &Observed::default()).ok()?)
 }
 
 /// The same within limits that are valid. `None` where the frontier is empty.

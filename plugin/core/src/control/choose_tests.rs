@@ -8,7 +8,7 @@ use super::*;
 use crate::testing;
 
 fn limits(budget: Budget) -> Limits {
-    budget.limits().expect("valid limits")
+    resolve(&budget, &Observed::default()).expect("valid limits")
 }
 
 fn rate(watts_per_error: f64, power: f64, error: f64, is_by_error: bool) -> Rate {

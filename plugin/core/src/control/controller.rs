@@ -2,7 +2,8 @@
 //! schedule: the app's system and `frugal evaluate` call the same functions.
 
 use super::choose::choose;
-use super::limits::Limits;
+use super::limits::{Limits, resolve};
+use super::observed::Observed;
 use super::rate::{Curve, MIN_HORIZON, RateTracker};
 use super::{
     Budget, Choice, ControlSettings, ErrorFeedback, Outcome, PowerCorrection, SettingsFilter,
@@ -68,7 +69,7 @@ impl CameraController {
     /// the budget is [invalid](Budget::validate).
     pub fn step(&mut self, inputs: &Inputs<'_>) -> Option<Decisions> {
         // Before the correction, which would turn an invalid limit into a valid one.
-        let limits = inputs.budget.limits().ok()?;
+        let limits = resolve(&inputs.budget, &Observed::default()).ok()?;
         let found = inputs.store.look_up(&inputs.view)?;
         self.filter.observe_view(&inputs.view, inputs.delta_seconds);
         let choice = inputs.choose(&limits, found.frontier, &mut self.rates, &mut self.filter)?;

@@ -9,6 +9,8 @@
 //! a prior (ridge regression with exponential weights), which shares a difference out between the
 //! two. A bias takes up the map's error at the present address, which would else pass for a gain.
 
+use glam::{DMat2, DVec2};
+
 use super::delay::{DelayFinder, Energies, MAX_WATTS, PredictionHistory};
 use crate::units::Watts;
 
@@ -31,10 +33,10 @@ const MIN_BIAS: f64 = 0.015;
 /// Standard deviations beyond which a reading's weight falls.
 const HUBER: f64 = 2.0;
 /// Gain and offset before the first reading.
-const NEUTRAL: [f64; 2] = [1.0, 0.0];
+const NEUTRAL: DVec2 = DVec2::X;
 /// Standard deviations of gain and offset around that; the offset's as a share of the first predicted
 /// power.
-const PRIOR: [f64; 2] = [0.5, 0.3];
+const PRIOR: DVec2 = DVec2::new(0.5, 0.3);
 /// Largest gain, its smallest reciprocal, and the largest offset as a multiple of the first
 /// predicted power: beyond, the readings are not those of this renderer.
 const MAX_RATIO: f64 = 10.0;
@@ -102,11 +104,11 @@ impl PowerCorrection {
 #[derive(Clone, Debug)]
 pub struct PowerModel {
     /// Gain, and offset as a multiple of `scale`: both are near 1 in size.
-    estimate: [f64; 2],
+    estimate: DVec2,
     /// Inverse of the estimate's covariance.
-    information: [[f64; 2]; 2],
+    information: DMat2,
     /// `information` × `estimate`.
-    weighted: [f64; 2],
+    weighted: DVec2,
     /// Predicted power at the first reading, watts.
     scale: f64,
     /// What the present address is off beside the estimate, a multiple of `scale`.
@@ -131,8 +133,8 @@ impl Default for PowerModel {
     fn default() -> Self {
         let mut model = Self {
             estimate: NEUTRAL,
-            information: [[0.0; 2]; 2],
-            weighted: [0.0; 2],
+            information: DMat2::ZERO,
+            weighted: DVec2::ZERO,
             scale: 0.0,
             bias: 0.0,
             alike: 0.0,
@@ -188,8 +190,8 @@ impl PowerModel {
     /// Standard deviation of the corrected power at the power predicted last, watts; `None` before
     /// the first reading.
     pub fn deviation(&self) -> Option<Watts> {
-        let regressor = [self.history.last()? / self.scale, 1.0];
-        let variance = quadratic(&self.covariance()?, regressor);
+        let regressor = DVec2::new(self.history.last()? / self.scale, 1.0);
+        let variance = (self.covariance()? * regressor).dot(regressor);
         (self.readings > 0).then(|| Watts(variance.max(0.0).sqrt() * self.scale))
     }
 
@@ -261,34 +263,31 @@ impl PowerModel {
 
     /// Keeps a share of what was learnt; the prior takes the place of the rest.
     fn forget(&mut self, kept: f64) {
-        for i in 0..2 {
-            let prior = PRIOR[i].powi(-2) * (1.0 - kept);
-            self.information[i].iter_mut().for_each(|value| *value *= kept);
-            self.information[i][i] += prior;
-            self.weighted[i] = self.weighted[i] * kept + prior * NEUTRAL[i];
-        }
+        let prior = (PRIOR * PRIOR).recip() * (1.0 - kept);
+        self.information = self.information * kept + DMat2::from_diagonal(prior);
+        self.weighted = self.weighted * kept + prior * NEUTRAL;
     }
 
     /// Inverse of the information; `None` where numbers have left the range of 64 bits.
-    fn covariance(&self) -> Option<[[f64; 2]; 2]> {
-        let [[a, b], [c, d]] = self.information;
-        let determinant = a * d - b * c;
+    fn covariance(&self) -> Option<DMat2> {
+        let (determinant, [a, b, c, d]) =
+            (self.information.determinant(), self.information.to_cols_array());
         (determinant > 0.0 && determinant.is_finite())
-            .then(|| [[d, -b], [-c, a]].map(|row| row.map(|value| value / determinant)))
+            .then(|| DMat2::from_cols_array(&[d, -b, -c, a]) / determinant)
     }
 
     /// What a reading is off the estimate. All powers are multiples of `scale`.
     fn rest(&self, predicted: f64, metered: f64) -> f64 {
-        metered - self.estimate[0] * predicted - self.estimate[1]
+        metered - self.estimate.x * predicted - self.estimate.y
     }
 
     /// Adds a reading, of whose rest `bias_weight` belongs to the bias. All powers are multiples of
     /// `scale`.
     fn learn(&mut self, predicted: f64, metered: f64, spread: f64, mut bias_weight: f64) {
-        let regressor = [predicted, 1.0];
+        let regressor = DVec2::new(predicted, 1.0);
         let deviation = self.rest(predicted, metered) - self.bias;
         // Where settings have just changed, the reading may belong to either.
-        let unsure = 0.5 * spread * self.estimate[0];
+        let unsure = 0.5 * spread * self.estimate.x;
         let size = metered.max(predicted);
         let noise = (NOISE * size).powi(2) + unsure * unsure + 1e-12;
         let of_map = (MAP_NOISE * size).powi(2);
@@ -296,7 +295,7 @@ impl PowerModel {
             self.forget(0.0);
             return;
         };
-        let expected = (quadratic(&covariance, regressor) + noise + of_map).sqrt();
+        let expected = ((covariance * regressor).dot(regressor) + noise + of_map).sqrt();
         let mut weight = (HUBER * expected / deviation.abs()).min(1.0);
         if weight < 1.0 {
             let sign = deviation.signum();
@@ -313,20 +312,17 @@ impl PowerModel {
             self.outlier = None;
         }
         let precision = weight / (noise + of_map * self.alike);
-        for i in 0..2 {
-            for j in 0..2 {
-                self.information[i][j] += precision * regressor[i] * regressor[j];
-            }
-            self.weighted[i] += precision * regressor[i] * metered;
-        }
+        let weighted = regressor * precision;
+        self.information += DMat2::from_cols(weighted * predicted, weighted);
+        self.weighted += weighted * metered;
         let Some(covariance) = self.covariance() else {
             self.forget(0.0);
             return;
         };
-        let [gain, offset] = multiply(&covariance, self.weighted);
-        if gain.is_finite() && offset.is_finite() {
-            self.estimate =
-                [gain.clamp(1.0 / MAX_RATIO, MAX_RATIO), offset.clamp(-MAX_RATIO, MAX_RATIO)];
+        let estimate = covariance * self.weighted;
+        if estimate.is_finite() {
+            let least = DVec2::new(1.0 / MAX_RATIO, -MAX_RATIO);
+            self.estimate = estimate.clamp(least, DVec2::splat(MAX_RATIO));
         }
         let rest = self.rest(predicted, metered);
         // An outlier is none of the address, and a reading across a switch partly.
@@ -337,7 +333,7 @@ impl PowerModel {
 
     fn use_estimate(&mut self) {
         let Some(predicted) = self.history.last() else { return };
-        let [gain, offset] = self.estimate;
+        let DVec2 { x: gain, y: offset } = self.estimate;
         let there = (predicted / self.scale * gain + offset).abs();
         let least = MIN_BIAS * there;
         let bias = self.bias - self.bias.clamp(-least, least);
@@ -352,15 +348,6 @@ impl PowerModel {
             self.used = latest;
         }
     }
-}
-
-fn multiply(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> [f64; 2] {
-    [0, 1].map(|row| matrix[row][0] * vector[0] + matrix[row][1] * vector[1])
-}
-
-fn quadratic(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> f64 {
-    let along = multiply(matrix, vector);
-    along[0] * vector[0] + along[1] * vector[1]
 }
 
 #[cfg(test)]

@@ -23,21 +23,6 @@ pub struct Limits {
     pub horizon: f64,
 }
 
-impl Budget {
-    /// The limits of power and error alone.
-    pub fn limits(&self) -> Result<Limits, BudgetError> {
-        self.validate()?;
-        Ok(Limits {
-            power: self.power,
-            error: self.error,
-            power_by: self.power.map(|_| Limit::Power),
-            peak: self.peak,
-            peak_by: self.peak.map(|_| Limit::Peak),
-            horizon: self.horizon.as_secs_f64(),
-        })
-    }
-}
-
 /// Resolves all limits of `budget`. Limits of the whole app are shared equally by its cameras.
 ///
 /// Monotone: a looser limit, more energy left and more headroom never lower the power.

@@ -185,16 +185,6 @@ impl ErrorRates {
         within.checked_sub(1).and_then(|last| self.0.get(last))
     }
 
-    /// Rate that keeps `budget` at the calibration cameras, in watts per unit of error. Infinite below the
-    /// smallest calibrated budget, where only the best settings are safe. `None` without calibration, or
-    /// where `budget` is NaN.
-    pub fn rate(&self, budget: f64) -> Option<f64> {
-        if self.0.is_empty() || budget.is_nan() {
-            return None;
-        }
-        Some(self.within(budget).map_or(f64::INFINITY, |known| known.watts_per_error))
-    }
-
     /// Mean predicted error (1 − SSIM) at which `budget` is just met: that of the largest
     /// calibrated budget within it, scaled in proportion. 0 below the smallest calibrated budget, where
     /// only the best settings are safe. `None` where it is unknown, or `budget` is not finite.

@@ -20,11 +20,6 @@ fn rates(pairs: &[(f64, f64)]) -> ErrorRates {
 fn a_budget_gets_the_target_of_the_next_lower_calibrated_one() {
     let rates = rates(&[(0.01, 1000.0), (0.04, 10.0), (0.1, 0.0)]);
     assert!(rates.is_sound());
-    assert_eq!(
-        [0.005, 0.01, 0.0399, 0.04, 0.5].map(|budget| rates.rate(budget)),
-        [f64::INFINITY, 1000.0, 1000.0, 10.0, 0.0].map(Some)
-    );
-    assert_eq!((rates.rate(f64::NAN), ErrorRates::default().rate(0.1)), (None, None));
     let mut with_target = rates.clone();
     with_target.0[0].predicted = Some(0.008);
     assert_eq!(

@@ -128,22 +128,6 @@ impl Frontier {
         self.points.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))
     }
 
-    /// Hypervolume: the area dominated by the frontier and bounded by `reference`, in watts (error
-    /// has no unit); at least 0. Larger is better.
-    pub fn hypervolume(&self, reference: CostPoint) -> f64 {
-        let inside = self
-            .points
-            .iter()
-            .filter(|p| p.cost.power < reference.power && p.cost.error < reference.error);
-        let mut area = 0.0;
-        let mut error = reference.error;
-        for point in inside {
-            area += (reference.power.0 - point.cost.power.0) * (error - point.cost.error);
-            error = point.cost.error;
-        }
-        area
-    }
-
     /// Power and error of `settings` where they are a point of the frontier.
     pub fn exact(&self, settings: KnobLevels) -> Option<CostPoint> {
         let mut points = self.points().iter();

@@ -59,16 +59,6 @@ fn a_rate_selects_the_least_sum() {
 }
 
 #[test]
-fn hypervolume_of_a_staircase_is_the_area_of_its_steps() {
-    // (5 - 1) * 0.5 + (5 - 2) * 0.2 + (5 - 4) * 0.3 with the reference at (5, 1).
-    let area = staircase().hypervolume(CostPoint::new(5.0, 1.0));
-    assert!((area - (4.0 * 0.5 + 3.0 * 0.2 + 1.0 * 0.3)).abs() < 1e-12, "{area}");
-    // Points outside the reference do not count.
-    let area = staircase().hypervolume(CostPoint::new(3.0, 0.4));
-    assert!((area - (3.0 - 2.0) * 0.1).abs() < 1e-12, "{area}");
-}
-
-#[test]
 fn dominance_is_strict_and_ignores_nan() {
     let a = CostPoint::new(1.0, 0.1);
     assert!(!a.dominates(a));

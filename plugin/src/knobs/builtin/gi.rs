@@ -3,6 +3,11 @@
 use crate::gi::{FrugalGi, GiInterleave, GiPixelFraction, GiVisibility};
 use crate::knobs::{FieldKnob, Knob, KnobField};
 
+/// The first of `all` that is good enough, else the last.
+fn first<T: Copy, const N: usize>(all: [T; N], is_enough: impl Fn(T) -> bool) -> T {
+    all.into_iter().find(|value| is_enough(*value)).unwrap_or(all[N - 1])
+}
+
 /// Virtual point lights (VPLs) per image; 0 turns GI off. Higher levels reduce noise; every
 /// gathered pixel evaluates its interleaved share of them.
 pub(super) fn vpl_count() -> FieldKnob {
@@ -21,11 +26,7 @@ pub(super) fn pixel_fraction() -> FieldKnob {
         Knob::labelled("gi_pixel_fraction", levels).needing("gi_vpl_count", 1),
         KnobField::new(
             |gi: &mut FrugalGi| &mut gi.pixel_fraction,
-            |level, _| {
-                let mut fractions = GiPixelFraction::ALL.into_iter();
-                let found = fractions.find(|fraction| fraction.share() >= level.value);
-                found.unwrap_or(GiPixelFraction::Full)
-            },
+            |level, _| first(GiPixelFraction::ALL, |fraction| fraction.share() >= level.value),
         ),
     )
 }
@@ -45,11 +46,7 @@ pub(super) fn interleave() -> FieldKnob {
         Knob::labelled("gi_interleave", levels).needing("gi_vpl_count", 1),
         KnobField::new(
             |gi: &mut FrugalGi| &mut gi.interleave,
-            |level, _| {
-                let mut widths = INTERLEAVES.into_iter();
-                let found = widths.find(|width| f64::from(width.side()) <= level.value);
-                found.unwrap_or(GiInterleave::Two)
-            },
+            |level, _| first(INTERLEAVES, |width| f64::from(width.side()) <= level.value),
         ),
     )
 }
@@ -63,11 +60,7 @@ pub(super) fn visibility() -> FieldKnob {
         Knob::labelled("gi_visibility", levels).needing("gi_vpl_count", 1),
         KnobField::new(
             |gi: &mut FrugalGi| &mut gi.visibility,
-            |level, _| {
-                let mut all = GiVisibility::ALL.into_iter();
-                let found = all.find(|visibility| rays_of(*visibility) >= level.value);
-                found.unwrap_or(GiVisibility::Fine)
-            },
+            |level, _| first(GiVisibility::ALL, |visibility| rays_of(visibility) >= level.value),
         ),
     )
 }

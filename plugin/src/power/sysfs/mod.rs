@@ -10,11 +10,11 @@
 #[cfg_attr(any(windows, target_os = "macos"), allow(dead_code))]
 pub(crate) mod battery;
 pub(crate) mod cards;
-#[cfg(test)]
-pub(crate) mod fake;
 pub(crate) mod gpu;
 pub(crate) mod jetson;
 pub(crate) mod rapl;
+#[cfg(test)]
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 

@@ -54,7 +54,6 @@ pub(super) enum Source {
 /// What was metered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mean {
-    /// Without the meter's idle power.
     pub(super) power: Watts,
     /// Pieces of work per second.
     pub(super) rate: f64,
@@ -63,9 +62,9 @@ pub(super) struct Mean {
 /// Result of a self-test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfTest {
-    /// Mean power while this thread slept, with the meter's idle power.
+    /// Mean power while this thread slept.
     pub idle: Watts,
-    /// Mean power while the load ran, with the meter's idle power.
+    /// Mean power while the load ran.
     pub loaded: Watts,
     /// Whether power rises under load. It does not where the meter does not cover the loaded device, or
     /// the machine was already busy.
@@ -82,7 +81,7 @@ impl Meter {
         let seconds = if seconds.is_nan() { 1.0 } else { seconds };
         let window_seconds = seconds.clamp(0.0, LONGEST_WINDOW_SECONDS);
         let (idle, source) = if info.provenance == Provenance::Modelled {
-            (Some(meter.idle()), Source::Modelled(meter, Instant::now()))
+            (Some(Watts(0.0)), Source::Modelled(meter, Instant::now()))
         } else {
             (None, Source::Measured(PowerSampler::fine(meter)?))
         };
@@ -179,9 +178,7 @@ impl Meter {
             return Err(MeterError::broken(self.info.name.as_str(), reason));
         }
         let responds = loaded.0 > idle.0 * RESPONSE_RATIO;
-        // Readings of a device contain it.
-        let apart = if is_modelled { self.idle()? } else { Watts(0.0) };
-        Ok(SelfTest { idle: apart + idle, loaded: apart + loaded, responds })
+        Ok(SelfTest { idle, loaded, responds })
     }
 }
 

@@ -14,7 +14,7 @@ use frugal_trace::scene::CameraPose;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::evaluator::Measurement;
-use super::options::StageOptions;
+use super::options::{StageError, StageOptions};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
 use crate::units::Watts;
@@ -137,12 +137,7 @@ pub enum Answer {
         height: u32,
     },
     /// To all requests.
-    Failed {
-        /// Whether the cause is the input and not the rendering.
-        usage: bool,
-        /// What went wrong.
-        message: String,
-    },
+    Failed(StageError),
 }
 
 /// What an app says of its stage.

@@ -72,10 +72,8 @@ pub(in crate::stage) fn serve(app: App, requests: Requests) -> io::Result<()> {
     let Requests { received, mut output } = requests;
     let mut stand = Stand::App(Box::new(app));
     while let Ok(request) = received.recv() {
-        let (answer, bytes) = answer(&mut stand, request).unwrap_or_else(|error| {
-            let usage = error.is_usage();
-            (Answer::Failed { usage, message: error.to_string() }, Vec::new())
-        });
+        let (answer, bytes) =
+            answer(&mut stand, request).unwrap_or_else(|error| (Answer::Failed(error), Vec::new()));
         let count = bytes.len() as u64;
         send(&mut output, &Reply { resident_bytes: resident_bytes(), bytes: count, answer })?;
         output.write_all(&bytes)?;
@@ -92,8 +90,7 @@ fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), Stag
             let mut bytes = Vec::new();
             if scene {
                 let scene = extract(app.world_mut(), Some(camera));
-                bytes = postcard::to_stdvec(&scene)
-                    .map_err(|error| StageError::Level(error.to_string()))?;
+                bytes = postcard::to_stdvec(&scene).map_err(StageError::usage)?;
             }
             let registry = app.world().resource::<KnobRegistry>();
             let is_opt_in = |name: &str| registry.get(name).is_some_and(|knob| knob.is_opt_in());
@@ -104,7 +101,7 @@ fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), Stag
         (stand @ Stand::App(_), Request::Open(options)) => {
             options.check()?;
             let Stand::App(mut app) = std::mem::replace(stand, Stand::Failed) else {
-                return Err(StageError::Ended);
+                return Err(StageError::failed(StageError::ENDED));
             };
             let camera = level::hold(&mut app)?;
             let mut stage = Stage::new(*app, camera, options)?;
@@ -117,12 +114,12 @@ fn answer(stand: &mut Stand, request: Request) -> Result<(Answer, Vec<u8>), Stag
             return Ok((Answer::Opened(opened), Vec::new()));
         }
         (Stand::Stage(stage), request) => (stage, request),
-        _ => return Err(StageError::NotReady("the stage is not open".to_owned())),
+        _ => return Err(StageError::not_ready("the stage is not open")),
     };
     let (stage, request) = stage;
     let done = match request {
         Request::Load { .. } | Request::Open(_) => {
-            return Err(StageError::NotReady("the stage is open already".to_owned()));
+            return Err(StageError::not_ready("the stage is open already"));
         }
         Request::Warm => {
             stage.warm()?;

@@ -26,6 +26,8 @@ pub use work::{
 const ROUNDS: usize = 6;
 /// Prior weight, in readings, of a camera factor of 1.
 const CAMERA_PRIOR: f64 = 1.0;
+/// Folds of the cross-validation.
+const FOLDS: usize = 5;
 
 /// A reading of the meter.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,10 +118,9 @@ impl CostModel {
         })
     }
 
-    /// Mean of |predicted ÷ read − 1| by cross-validation: one reading in `folds` is held out in turn,
+    /// Mean of |predicted ÷ read − 1| by cross-validation: a fifth of the readings is held out in turn,
     /// regardless of camera and settings.
-    pub fn cross_validated(readings: &[CostReading], idle: Watts, folds: usize) -> f64 {
-        let folds = folds.max(2);
+    pub fn cross_validated(readings: &[CostReading], idle: Watts) -> f64 {
         let split = |fold: usize, held_out: bool| -> Vec<CostReading> {
             // Hashed instead of every n-th, because readings are ordered by camera.
             let hash =
@@ -127,13 +128,13 @@ impl CostModel {
             let readings = readings
                 .iter()
                 .enumerate()
-                .filter(|(index, _)| (hash(*index) % folds == fold) == held_out);
+                .filter(|(index, _)| (hash(*index) % FOLDS == fold) == held_out);
             readings.map(|(_, reading)| reading.clone()).collect()
         };
         let errors = |fold: usize| -> Vec<f64> {
             Self::fit(&split(fold, false), idle).errors(&split(fold, true)).collect()
         };
-        mean((0..folds).flat_map(errors))
+        mean((0..FOLDS).flat_map(errors))
     }
 }
 
@@ -217,7 +218,7 @@ mod tests {
         let model = CostModel::fit(&readings(0.1), Watts(0.0));
         let held_out = error(&model, &readings(0.0));
         assert!(held_out < 0.03, "{held_out}, of readings that are off by 5 % in the mean");
-        let crossed = CostModel::cross_validated(&readings(0.1), Watts(0.0), 5);
+        let crossed = CostModel::cross_validated(&readings(0.1), Watts(0.0));
         assert!((0.02..0.08).contains(&crossed), "{crossed}");
     }
 

@@ -22,18 +22,6 @@ pub struct DeviceModel {
     pub prices: WorkPrices,
 }
 
-/// Why a map cannot be repriced.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RepriceError {
-    /// The device model lacks a price for work of the map's settings.
-    #[error("the device model has no price for `{0}`: calibrate with the map's knobs")]
-    MissingPrice(String),
-    /// Settings have no cost at the map's own prices.
-    #[error("settings {0:#x} cost nothing at the map's own prices: the file was changed")]
-    FreeSettings(u128),
-}
-
 /// New conditions; `None` keeps the map's own.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NewConditions {
@@ -53,7 +41,7 @@ pub struct NewConditions {
 ///
 /// # Errors
 /// When the map has no prices, or the device none for some of its work.
-pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, RepriceError> {
+pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, String> {
     let old = &map.work_prices;
     let new = to
         .device
@@ -75,7 +63,7 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
     let (before, after) = (layout(map.capture.size), layout(repriced.capture.size));
     let (old_rate, new_rate) = (map.capture.frames_per_second, repriced.capture.frames_per_second);
     let space = &map.knobs;
-    let frontier = |frontier: &Frontier| -> Result<Frontier, RepriceError> {
+    let frontier = |frontier: &Frontier| -> Result<Frontier, String> {
         let point = |point: &FrontierPoint| {
             let energy = |prices: &WorkPrices, layout: &FrameLayout| {
                 energy(prices, space, point.settings, layout)
@@ -83,7 +71,10 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
             let own = energy(old, &before);
             let spent = (point.cost.power.0 - old.idle.0).max(0.0) / old_rate;
             if own <= 0.0 {
-                return Err(RepriceError::FreeSettings(point.settings.bits()));
+                let settings = point.settings.bits();
+                return Err(format!(
+                    "settings {settings:#x} cost nothing at the map's own prices: the file was changed"
+                ));
             }
             let power = new.idle.0 + new_rate * energy(&new, &after) * (spent / own);
             Ok(FrontierPoint {
@@ -122,9 +113,12 @@ pub fn price(prices: &WorkPrices, kind: &str) -> Option<f64> {
 }
 
 /// `prices` in the order of the map's kinds of work.
-fn matched(map: &WorkPrices, prices: &WorkPrices) -> Result<WorkPrices, RepriceError> {
-    let price =
-        |kind: &String| price(prices, kind).ok_or_else(|| RepriceError::MissingPrice(kind.clone()));
+fn matched(map: &WorkPrices, prices: &WorkPrices) -> Result<WorkPrices, String> {
+    let price = |kind: &String| {
+        price(prices, kind).ok_or_else(|| {
+            format!("the device model has no price for `{kind}`: calibrate with the map's knobs")
+        })
+    };
     let joules = map.kinds.iter().map(price).collect::<Result<_, _>>()?;
     Ok(WorkPrices { joules, idle: prices.idle, ..map.clone() })
 }
@@ -201,6 +195,7 @@ mod tests {
             thresholds: Thresholds { power_w: 0.1, error: 0.001 },
             seed: 0,
             bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+            listed: Vec::new(),
             error_rates: ErrorRates(vec![ErrorRate {
                 budget: 0.01,
                 watts_per_error: 100.0,
@@ -298,15 +293,13 @@ mod tests {
         };
         let error =
             reprice(&original, &NewConditions { device: Some(device), ..NewConditions::default() });
-        assert!(matches!(error, Err(RepriceError::MissingPrice(kind)) if kind == "pairs"));
+        assert!(error.is_err_and(|error| error.contains("no price for `pairs`")));
         let free = FrontierMap {
             work_prices: WorkPrices { joules: vec![0.0; few_len()], ..prices(0.0, 0.0) },
             ..original
         };
-        assert!(matches!(
-            reprice(&free, &NewConditions::default()),
-            Err(RepriceError::FreeSettings(_))
-        ));
+        let error = reprice(&free, &NewConditions::default());
+        assert!(error.is_err_and(|error| error.contains("cost nothing at the map's own prices")));
     }
 
     fn few_len() -> usize {

@@ -38,13 +38,14 @@ const LEAST_SAVING: f64 = 0.02;
 /// Greatest number of frontiers; each takes most of a kilobyte of a map's file.
 const MOST_FRONTIERS: usize = 40;
 
+/// Least number of cameras in a node that is divided. Higher values give smaller maps.
+const LEAST_CAMERAS: usize = 2;
+
 /// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitConfig {
     /// Greatest number of octree levels, at most 6.
     pub levels: u8,
-    /// Least number of cameras in a node that is divided. Higher values give smaller maps.
-    pub least_cameras: usize,
     /// Power threshold: a node is divided only where its children's estimates differ by more than
     /// this, in watts, in the mean over settings.
     pub power_threshold_w: f64,
@@ -58,7 +59,6 @@ impl Default for FitConfig {
     fn default() -> Self {
         Self {
             levels: 4,
-            least_cameras: 2,
             power_threshold_w: 0.0,
             power_threshold_share: 0.01,
             error_threshold: 0.001,
@@ -116,9 +116,8 @@ pub(crate) fn fit(
         })
     };
     let root = Leaf { min: [0; 3], size: 1 << levels };
-    let pays = |depth: usize, cameras: &[usize]| {
-        cameras.len() >= config.least_cameras && differs(depth, cameras)
-    };
+    let pays =
+        |depth: usize, cameras: &[usize]| cameras.len() >= LEAST_CAMERAS && differs(depth, cameras);
     let (mut nodes, mut leaves) = divided(root, all.clone(), &keys, &pays);
     let mut depths = vec![0; all.len()];
     for (_, depth, cameras) in &leaves {

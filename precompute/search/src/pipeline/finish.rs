@@ -45,7 +45,7 @@ pub(super) fn finish(
         error_rates,
         pool,
         screening,
-        cost_error: CostModel::cross_validated(&readings, subject.idle, 5),
+        cost_error: CostModel::cross_validated(&readings, subject.idle),
         cost,
         cameras: [rows.len(), counts[1]],
         renderings: renderings.known.len(),
@@ -189,6 +189,7 @@ pub fn map_of(
         knob_effects,
         knobs: space.clone(),
         bounds: *bounds,
+        listed: Vec::new(),
         octree: outcome.fitted.octree.clone(),
     }
 }

@@ -32,9 +32,6 @@ const POPULATION: usize = 48;
 const CROSSOVER: f64 = 0.9;
 /// Share of the evaluations for infill.
 const INFILL: f64 = 0.35;
-/// Greatest number of combinations that is counted exactly, without inactive knobs: far more than
-/// is ever enumerated.
-const COUNTABLE: u64 = 1 << 22;
 /// Attempts at mutating a known offspring into an unseen one before sampling others, and attempts
 /// at sampling one.
 const TRIES: usize = 16;
@@ -50,10 +47,10 @@ pub(crate) fn nsga2(
 ) -> Frontier {
     let mut key = [0; 32];
     key[..8].copy_from_slice(&seed.to_le_bytes());
-    let combinations = combinations(space);
+    let combinations = space.combinations();
     let limit = usize::try_from(combinations).unwrap_or(usize::MAX).min(EVALUATIONS);
     let (known, random) = (BTreeMap::new(), ChaCha8Rng::from_seed(key));
-    let mut run = Run { space, cost, known, random, combinations, limit };
+    let mut run = Run { space, cost, known, random, limit };
     run.evaluate(space.highest());
     run.evaluate(space.lowest());
     for settings in spread(space, inherit, limit / 2) {
@@ -68,16 +65,6 @@ pub(crate) fn nsga2(
         run.infill();
     }
     Frontier::from_points(run.points())
-}
-
-/// Number of different settings; in spaces far beyond enumeration, number of their names, at most
-/// `u64::MAX`.
-fn combinations(space: &KnobSpace) -> u64 {
-    let names =
-        space.knobs().iter().map(|knob| knob.levels.len() as u64).fold(1, u64::saturating_mul);
-    // Exact counting walks over the combinations of dependent knobs, and does not guard against
-    // overflow.
-    if names > COUNTABLE { names } else { space.combinations() }
 }
 
 /// At most `count` of `settings`, each once, spread evenly over the list.
@@ -96,7 +83,6 @@ struct Run<'a> {
     /// Everything evaluated, by canonical settings. Sorted, so that iteration is deterministic.
     known: BTreeMap<KnobLevels, CostPoint>,
     random: ChaCha8Rng,
-    combinations: u64,
     limit: usize,
 }
 
@@ -188,9 +174,6 @@ impl Run<'_> {
         let (known, random) = (&self.known, &mut self.random);
         let new =
             |settings: KnobLevels| !known.contains_key(&settings) && !planned.contains(&settings);
-        if (known.len() + planned.len()) as u64 >= self.combinations {
-            return None;
-        }
         let mut candidate = space.canonical(settings);
         for _ in 0..TRIES {
             if new(candidate) {

@@ -8,7 +8,7 @@ use bevy_frugal_gi::stage::protocol::{Answer, Hello, PROTOCOL, Reply, Request, r
 use bevy_frugal_gi::stage::{StageError, adapter};
 use frugal_core::knobs::KnobSpace;
 
-use super::program::{Program, RemoteError, Running};
+use super::program::{Program, Running};
 
 /// Time that a program has beyond its own limit, to say why it did not keep it.
 const GRACE: Duration = Duration::from_secs(10);
@@ -20,14 +20,14 @@ const PAUSE: Duration = Duration::from_millis(10);
 /// Why a program gave no answer.
 pub(super) enum NoAnswer {
     /// It cannot do that, and goes on.
-    Failed(RemoteError),
+    Failed(StageError),
     /// It has ended.
-    Broken(RemoteError),
+    Broken(StageError),
     /// It says nothing.
-    Hung(RemoteError),
+    Hung(StageError),
 }
 
-impl From<NoAnswer> for RemoteError {
+impl From<NoAnswer> for StageError {
     fn from(reason: NoAnswer) -> Self {
         match reason {
             NoAnswer::Failed(error) | NoAnswer::Broken(error) | NoAnswer::Hung(error) => error,
@@ -52,11 +52,11 @@ impl Connection {
     ///
     /// # Errors
     /// When it cannot be started, does not connect, or is of another version.
-    pub(super) fn open(program: &Program, threads: Option<usize>) -> Result<Self, RemoteError> {
+    pub(super) fn open(program: &Program, threads: Option<usize>) -> Result<Self, StageError> {
         // Bevy panics without one.
-        adapter().ok_or_else(|| RemoteError::usage(StageError::NoAdapter))?;
+        adapter().ok_or_else(|| StageError::usage(StageError::NO_ADAPTER))?;
         let name = program.name();
-        let cannot = |error| RemoteError::failed(format!("cannot start {name}: {error}"));
+        let cannot = |error| StageError::failed(format!("cannot start {name}: {error}"));
         let listener = Listener::new().map_err(cannot)?;
         let mut running = Running::start(program, &listener.address, threads).map_err(cannot)?;
         let (start, patience) = (Instant::now(), program.patience());
@@ -89,7 +89,7 @@ impl Connection {
         })?;
         let here = Hello::here();
         if (hello.protocol, &hello.version) != (here.protocol, &here.version) {
-            return Err(RemoteError::usage(format!(
+            return Err(StageError::usage(format!(
                 "{name} has bevy_frugal_gi {} (stage protocol {}), this is frugal {} (stage protocol {PROTOCOL}): build both from one version",
                 hello.version, hello.protocol, here.version
             )));
@@ -112,11 +112,11 @@ impl Connection {
     pub(super) fn load(
         &mut self,
         scene: bool,
-    ) -> Result<(KnobSpace, Vec<String>, Vec<u8>), RemoteError> {
+    ) -> Result<(KnobSpace, Vec<String>, Vec<u8>), StageError> {
         let request = Request::Load { seconds: self.patience_seconds(), scene };
         match self.exchange(&request)? {
             (Answer::Loaded { knobs, opt_in }, scene) => Ok((knobs, opt_in, scene)),
-            (other, _) => Err(RemoteError::unexpected(&other)),
+            (other, _) => Err(unexpected(&other)),
         }
     }
 
@@ -142,9 +142,7 @@ impl Connection {
                 Ok((reply, bytes))
             });
         match reply {
-            Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => {
-                Err(NoAnswer::Failed(RemoteError { usage, message }))
-            }
+            Ok((Reply { answer: Answer::Failed(error), .. }, _)) => Err(NoAnswer::Failed(error)),
             Ok((Reply { resident_bytes, answer, .. }, bytes)) => {
                 self.resident_bytes = resident_bytes;
                 Ok((answer, bytes))
@@ -163,6 +161,11 @@ impl Connection {
             }
         }
     }
+}
+
+/// The error of an answer to another request.
+pub(super) fn unexpected(answer: &Answer) -> StageError {
+    StageError::failed(format!("the renderer's process sent an unexpected answer: {answer:?}"))
 }
 
 /// Waits for one app.

@@ -31,12 +31,12 @@ use frugal_search::table::{Batch, Measure, Measured};
 use frugal_trace::scene::CameraPose;
 
 use crate::device::on_this_machine;
-use crate::stage::{StageOptions, side_by_side};
+use crate::stage::{StageError, StageOptions, side_by_side};
 use crate::subject::frame_layout;
 use crate::work_meter::{WorkMeter, is_work_meter};
 pub(crate) use process::Shot;
 use process::StageProcess;
-pub(crate) use program::{Program, RemoteError, guard};
+pub(crate) use program::{Program, guard};
 pub(crate) use staged::StagedScene;
 
 /// A stage in another process, with more of them for what can be rendered side by side.
@@ -65,7 +65,7 @@ impl RemoteStage {
         scene: &StagedScene,
         mut options: StageOptions,
         workers: NonZeroUsize,
-    ) -> Result<Self, RemoteError> {
+    ) -> Result<Self, StageError> {
         let count = workers.get();
         let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let threads = (count > 1).then_some((cores / count).max(1));
@@ -74,7 +74,7 @@ impl RemoteStage {
             None => None,
             Some(file) => {
                 let meter = WorkMeter::open(file, frame_layout(scene, size));
-                Some(Arc::new(meter.map_err(RemoteError::usage)?))
+                Some(Arc::new(meter.map_err(StageError::usage)?))
             }
         };
         if work.is_some() {
@@ -89,7 +89,7 @@ impl RemoteStage {
         let Opened { space, meter, idle } = processes[0].start()?;
         let (meter, idle) = match &work {
             Some(work) => (work.info.clone(), work.idle()),
-            None => (meter.ok_or_else(|| RemoteError::usage("the stage has no meter"))?, idle),
+            None => (meter.ok_or_else(|| StageError::usage("the stage has no meter"))?, idle),
         };
         Ok(Self {
             processes,
@@ -105,12 +105,12 @@ impl RemoteStage {
     ///
     /// # Errors
     /// When a process fails.
-    pub(crate) fn warm(&mut self) -> Result<(), RemoteError> {
+    pub(crate) fn warm(&mut self) -> Result<(), StageError> {
         std::thread::scope(|scope| {
             let all = self.processes.iter_mut();
             let threads: Vec<_> = all.map(|process| scope.spawn(|| process.warm())).collect();
             let ended = threads.into_iter().map(|thread| {
-                thread.join().unwrap_or_else(|_| Err(RemoteError::failed("a thread panicked")))
+                thread.join().unwrap_or_else(|_| Err(StageError::failed("a thread panicked")))
             });
             // All of them, so that none is left to panic unheard.
             ended.collect::<Vec<_>>().into_iter().collect()

@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use bevy_frugal_gi::power::MeterError;
-use bevy_frugal_gi::stage::StageOptions;
 use bevy_frugal_gi::stage::protocol::{Answer, Opened, Request};
+use bevy_frugal_gi::stage::{StageError, StageOptions};
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_core::units::Watts;
 use frugal_trace::metrics::{Picture, Radiance};
 use frugal_trace::scene::CameraPose;
 
-use super::connection::{Connection, NoAnswer};
-use super::program::{Program, RemoteError};
+use super::connection::{Connection, NoAnswer, unexpected};
+use super::program::Program;
 use crate::stage::FrameRenderer;
 use crate::work_meter::WorkMeter;
 
@@ -62,7 +62,7 @@ impl StageProcess {
     ///
     /// # Errors
     /// When it fails, or cannot be started.
-    pub(super) fn warm(&mut self) -> Result<(), RemoteError> {
+    pub(super) fn warm(&mut self) -> Result<(), StageError> {
         self.is_warm = true;
         match self.connection {
             Some(_) => self.ask(&Request::Warm).map(drop),
@@ -78,12 +78,12 @@ impl StageProcess {
         &mut self,
         clip: &[CameraPose],
         settings: KnobLevels,
-    ) -> Result<CostPoint, RemoteError> {
+    ) -> Result<CostPoint, StageError> {
         match self.ask(&Request::Measure { clip: clip.to_vec(), settings })? {
             (Answer::Measured(measured), _) => {
                 Ok(CostPoint::new(self.power(measured.power, settings)?.0, measured.error))
             }
-            (other, _) => Err(RemoteError::unexpected(&other)),
+            (other, _) => Err(unexpected(&other)),
         }
     }
 
@@ -91,7 +91,7 @@ impl StageProcess {
     ///
     /// # Errors
     /// When the process fails, or its stage is not of such images.
-    pub(crate) fn shoot(&mut self, pose: &CameraPose, settings: &str) -> Result<Shot, RemoteError> {
+    pub(crate) fn shoot(&mut self, pose: &CameraPose, settings: &str) -> Result<Shot, StageError> {
         match self.ask(&Request::Shoot { pose: *pose, settings: settings.to_owned() })? {
             (Answer::Frame { width, height, .. }, bytes) => {
                 Ok(Shot::Picture(picture(width, height, &bytes)?))
@@ -101,7 +101,7 @@ impl StageProcess {
                 let rgb = values.collect::<Vec<f32>>().as_chunks().0.to_vec();
                 Ok(Shot::Radiance(Radiance { width, height, rgb }))
             }
-            (other, _) => Err(RemoteError::unexpected(&other)),
+            (other, _) => Err(unexpected(&other)),
         }
     }
 
@@ -109,8 +109,8 @@ impl StageProcess {
     ///
     /// # Errors
     /// When it cannot be started, or its stage cannot be opened.
-    pub(super) fn start(&mut self) -> Result<Opened, RemoteError> {
-        self.options.check().map_err(RemoteError::usage)?;
+    pub(super) fn start(&mut self) -> Result<Opened, StageError> {
+        self.options.check()?;
         // The last one first: it may hold much memory.
         self.connection = None;
         let connection = match self.loaded.take() {
@@ -124,7 +124,7 @@ impl StageProcess {
         self.connection = Some(connection);
         let opened = match self.exchange(&Request::Open(self.options.clone()))? {
             (Answer::Opened(opened), _) => opened,
-            (other, _) => return Err(RemoteError::unexpected(&other)),
+            (other, _) => return Err(unexpected(&other)),
         };
         self.space = opened.space.clone();
         if self.is_warm {
@@ -135,7 +135,7 @@ impl StageProcess {
 
     /// Sends a request, after replacing a process that has grown too large; repeats it once with a
     /// fresh one if it died.
-    fn ask(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), RemoteError> {
+    fn ask(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), StageError> {
         let is_large = |connection: &Connection| connection.resident_bytes > LARGEST_BYTES;
         if self.connection.as_ref().is_none_or(is_large) {
             self.start()?;
@@ -143,7 +143,7 @@ impl StageProcess {
         }
         match self.exchange(request) {
             Err(NoAnswer::Broken(error)) => {
-                self.start().map_err(|again| RemoteError {
+                self.start().map_err(|again| StageError {
                     usage: again.usage,
                     message: format!("{error}; then {again}"),
                 })?;
@@ -156,7 +156,7 @@ impl StageProcess {
 
     /// Begins a run at the frame's pose in a fresh process, so that the frame does not pay for first
     /// use of resources.
-    fn prepare(&mut self, request: &Request) -> Result<(), RemoteError> {
+    fn prepare(&mut self, request: &Request) -> Result<(), StageError> {
         if let Request::Play { pose, settings } = *request {
             self.exchange(&Request::Begin { pose, settings })?;
         }
@@ -167,7 +167,7 @@ impl StageProcess {
     fn exchange(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), NoAnswer> {
         let Some(connection) = &mut self.connection else {
             let message = "the renderer's process is not running";
-            return Err(NoAnswer::Failed(RemoteError::failed(message)));
+            return Err(NoAnswer::Failed(StageError::failed(message)));
         };
         let result = connection.exchange(request);
         if matches!(result, Err(NoAnswer::Broken(_) | NoAnswer::Hung(_))) {
@@ -177,9 +177,9 @@ impl StageProcess {
     }
 
     /// The power that the stage has metered, or that of the settings' work.
-    fn power(&self, metered: Option<Watts>, settings: KnobLevels) -> Result<Watts, RemoteError> {
+    fn power(&self, metered: Option<Watts>, settings: KnobLevels) -> Result<Watts, StageError> {
         let Some(work) = &self.work else {
-            return metered.ok_or_else(|| RemoteError::failed("the stage has no meter"));
+            return metered.ok_or_else(|| StageError::failed("the stage has no meter"));
         };
         let power = work.power(&self.space, settings, self.options.frames_per_second);
         if power.0.is_finite() && power.0 > 0.0 {
@@ -187,7 +187,7 @@ impl StageProcess {
         }
         let name = work.info.name.as_str();
         let error = MeterError::broken(name, format!("gave {power} for rendered frames"));
-        Err(RemoteError::failed(error))
+        Err(StageError::failed(error))
     }
 }
 
@@ -199,12 +199,12 @@ pub(crate) enum Shot {
     Radiance(Radiance),
 }
 
-fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, RemoteError> {
-    Picture::new(width, height, bytes.as_chunks().0.to_vec()).map_err(RemoteError::failed)
+fn picture(width: u32, height: u32, bytes: &[u8]) -> Result<Picture, StageError> {
+    Picture::new(width, height, bytes.as_chunks().0.to_vec()).map_err(StageError::failed)
 }
 
 impl FrameRenderer for StageProcess {
-    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), RemoteError> {
+    fn begin_run(&mut self, pose: &CameraPose, settings: KnobLevels) -> Result<(), StageError> {
         self.ask(&Request::Begin { pose: *pose, settings }).map(drop)
     }
 
@@ -212,12 +212,12 @@ impl FrameRenderer for StageProcess {
         &mut self,
         pose: &CameraPose,
         settings: KnobLevels,
-    ) -> Result<(Picture, Watts), RemoteError> {
+    ) -> Result<(Picture, Watts), StageError> {
         match self.ask(&Request::Play { pose: *pose, settings })? {
             (Answer::Frame { power, width, height }, bytes) => {
                 Ok((picture(width, height, &bytes)?, self.power(power, settings)?))
             }
-            (other, _) => Err(RemoteError::unexpected(&other)),
+            (other, _) => Err(unexpected(&other)),
         }
     }
 }

@@ -8,8 +8,8 @@ use std::process::{Child, ChildStdin, Command, ExitCode, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::stage::protocol::{Answer, LEVEL_VARIABLE, STAGE_VARIABLE};
-use frugal_search::pipeline::PipelineError;
+use bevy_frugal_gi::stage::StageError;
+use bevy_frugal_gi::stage::protocol::{LEVEL_VARIABLE, STAGE_VARIABLE};
 
 /// Name of the hidden command that renders a scene file.
 const CHILD_COMMAND: &str = "stage-worker";
@@ -23,41 +23,6 @@ const KEPT_BYTES: usize = 16 << 10;
 const SHOWN_LINES: usize = 12;
 /// Time in which a program that has broken off ends, and its last words arrive.
 const LAST_WORDS: Duration = Duration::from_millis(500);
-/// Why a remote stage gave no answer.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{message}")]
-pub(crate) struct RemoteError {
-    /// Whether the cause is the input and not the rendering.
-    pub usage: bool,
-    /// The message.
-    pub message: String,
-}
-
-impl RemoteError {
-    pub(crate) fn failed(message: impl ToString) -> Self {
-        Self { usage: false, message: message.to_string() }
-    }
-
-    pub(super) fn usage(message: impl ToString) -> Self {
-        Self { usage: true, message: message.to_string() }
-    }
-
-    pub(super) fn unexpected(answer: &Answer) -> Self {
-        Self::failed(format!("the renderer's process sent an unexpected answer: {answer:?}"))
-    }
-}
-
-impl From<io::Error> for RemoteError {
-    fn from(error: io::Error) -> Self {
-        Self::failed(error)
-    }
-}
-
-impl From<RemoteError> for PipelineError {
-    fn from(error: RemoteError) -> Self {
-        Self::Measure(error.message)
-    }
-}
 
 /// What is started as a stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -164,7 +129,7 @@ impl Running {
     }
 
     /// `problem`, with how the program ended, if it did, and its last words.
-    pub(super) fn describe(&mut self, problem: &str) -> RemoteError {
+    pub(super) fn describe(&mut self, problem: &str) -> StageError {
         let start = Instant::now();
         let mut end = self.child.try_wait().ok().flatten();
         while end.is_none() && start.elapsed() < LAST_WORDS {
@@ -178,7 +143,7 @@ impl Running {
         // A guard says itself how its command ended.
         let end = end.filter(|_| self.leash.is_none());
         let end = end.map_or_else(String::new, |status| format!(" ({status})"));
-        RemoteError::failed(match last_words(&said).as_slice() {
+        StageError::failed(match last_words(&said).as_slice() {
             [] => format!("{problem}{end}; it said nothing"),
             lines => format!("{problem}{end}; it said:\n  {}", lines.join("\n  ")),
         })

@@ -4,8 +4,8 @@ use std::cell::Cell;
 use std::ops::Deref;
 use std::path::Path;
 
-use bevy_frugal_gi::stage::StageOptions;
 use bevy_frugal_gi::stage::extract::{ExtractedScene, ExtractedSky};
+use bevy_frugal_gi::stage::{StageError, StageOptions};
 use frugal_core::frontier::SceneIdentity;
 use frugal_core::knobs::KnobSpace;
 use frugal_trace::integrator::ReferenceScene;
@@ -13,11 +13,11 @@ use frugal_trace::light::Sky;
 
 use super::connection::Connection;
 use super::process::StageProcess;
-use super::program::{Program, RemoteError};
+use super::program::Program;
 use crate::scene::{
     self, Camera, Environment, Geometry, LoadedScene, SceneDescription, SceneError,
 };
-use crate::stage::{every_knob, useful_knobs};
+use crate::stage::{built_in_knobs, useful_knobs};
 
 /// A scene file, or a level of an app: what the search and the path tracer need of it, and the program
 /// that renders it. Dereferences to its scene. Says when it ends what of it is not shown or not
@@ -83,7 +83,7 @@ impl StagedScene {
             name: file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned),
             label: path.display().to_string(),
             program: Program::File(path.to_owned()),
-            knobs: every_knob(),
+            knobs: built_in_knobs(true),
             scene,
             level: None,
         })
@@ -93,11 +93,11 @@ impl StagedScene {
     ///
     /// # Errors
     /// When it cannot be started, or has no level.
-    pub(crate) fn of_app(program: Program) -> Result<Self, RemoteError> {
+    pub(crate) fn of_app(program: Program) -> Result<Self, StageError> {
         let mut connection = Connection::open(&program, None)?;
         let (knobs, opt_in, scene) = connection.load(true)?;
         let extracted: ExtractedScene = postcard::from_bytes(&scene).map_err(|error| {
-            RemoteError::failed(format!("the app's scene cannot be read: {error}"))
+            StageError::failed(format!("the app's scene cannot be read: {error}"))
         })?;
         let name = match &program {
             Program::App { level: Some(level), .. } => format!("{}/{level}", connection.hello.app),
@@ -162,7 +162,7 @@ impl StagedScene {
     pub(crate) fn useful_knobs(&self) -> Vec<String> {
         let useful = useful_knobs(&self.scene);
         let Some(level) = &self.level else { return useful };
-        let built_in = every_knob();
+        let built_in = built_in_knobs(true);
         let is_textured = !self.scene.geometry.textures.is_empty();
         let is_useful = |name: &String| match name.as_str() {
             // An app may ask for reflections, contact shadows or fog, and its textures may have mip

@@ -1,7 +1,7 @@
 //! Batteries of which some rest, and ports that feed others.
 
 use super::super::battery;
-use super::super::fake::Tree;
+use super::super::testing::Tree;
 use super::each;
 use super::play::Play;
 use super::variants::{VARIANTS, Variant};

@@ -7,8 +7,8 @@ mod variants;
 
 use std::time::{Duration, Instant};
 
-use super::fake::{Tree, opened};
 use super::jetson;
+use super::testing::{Tree, opened};
 use crate::power::meter::Wanted;
 use crate::power::{MeterState, PowerSampler, SamplerSettings};
 

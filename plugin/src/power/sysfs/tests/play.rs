@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use super::super::fake::Tree;
+use super::super::testing::Tree;
 use super::variants::{Reads, Variant};
 use crate::power::meter::{SaidFaults, Wanted, least_window};
 use crate::power::tracker::{Moment, PowerTracker};

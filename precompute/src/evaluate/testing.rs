@@ -8,7 +8,7 @@ use frugal_search::evaluate::Pose;
 use frugal_search::testing::formula::{grey, power};
 use frugal_trace::metrics::Picture;
 
-use crate::stage::{FrameRenderer, RemoteError};
+use crate::stage::{FrameRenderer, StageError};
 
 /// Power by formula. Images are uniformly grey.
 #[derive(Default)]
@@ -28,7 +28,7 @@ pub(crate) struct Fake {
 }
 
 impl FrameRenderer for Fake {
-    fn begin_run(&mut self, _: &Pose, _: KnobLevels) -> Result<(), RemoteError> {
+    fn begin_run(&mut self, _: &Pose, _: KnobLevels) -> Result<(), StageError> {
         self.runs += 1;
         Ok(())
     }
@@ -37,10 +37,10 @@ impl FrameRenderer for Fake {
         &mut self,
         pose: &Pose,
         settings: KnobLevels,
-    ) -> Result<(Picture, Watts), RemoteError> {
+    ) -> Result<(Picture, Watts), StageError> {
         std::thread::sleep(self.pause);
         if self.broken_at == Some(self.frames) {
-            return Err(RemoteError::failed("broken"));
+            return Err(StageError::failed("broken"));
         }
         let watts = power(settings)
             + 0.01 * f64::from(pose.position.x)
