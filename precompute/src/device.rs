@@ -67,9 +67,11 @@ pub(crate) fn kind(name: &str) -> &str {
     name.split('=').next().unwrap_or_default().trim()
 }
 
-/// The device that a meter reads: the meter describes it in the same words after each start of the system.
-pub(crate) fn device(meter: &MeterInfo) -> &str {
-    parts(meter).0
+/// The device that a meter reads, the same after each start of the system: its PCI address where the
+/// description has one, else the description without the numbers that the system deals out anew.
+pub(crate) fn stable_device(meter: &MeterInfo) -> String {
+    let (what, _) = parts(meter);
+    pci_address(what).map_or_else(|| without_numbers(what), |address| format!("PCI {address}"))
 }
 
 /// Whether the watts of two meters are of one device or model. A machine that one of them does not name
@@ -79,7 +81,7 @@ pub(crate) fn is_same(a: &MeterInfo, b: &MeterInfo) -> bool {
         (Some(a), Some(b)) => a == b,
         _ => true,
     };
-    machines && kind(&a.name) == kind(&b.name) && device(a) == device(b)
+    machines && kind(&a.name) == kind(&b.name) && stable_device(a) == stable_device(b)
 }
 
 /// What a meter reads, and the machine that it does so on.
@@ -88,6 +90,42 @@ fn parts(meter: &MeterInfo) -> (&str, Option<&str>) {
         Some((what, machine)) => (what, Some(machine)),
         None => (&meter.description, None),
     }
+}
+
+/// The first PCI address in `text`, as `0000:03:00.0`.
+fn pci_address(text: &str) -> Option<String> {
+    let words =
+        text.split(|letter: char| !(letter.is_ascii_alphanumeric() || ":.".contains(letter)));
+    words.map(|word| word.trim_end_matches(['.', ':'])).find_map(|word| {
+        let parts: Vec<&str> = word.split([':', '.']).collect();
+        let [domain, bus, device, function] = parts[..] else { return None };
+        let is_hex = parts.concat().bytes().all(|byte| byte.is_ascii_hexdigit());
+        let lengths = [bus, device, function].map(str::len);
+        let is_address = is_hex && (4..=8).contains(&domain.len()) && lengths == [2, 2, 1];
+        let domain = u32::from_str_radix(domain, 16).ok().filter(|_| is_address)?;
+        Some(format!("{domain:04x}:{bus}:{device}.{function}").to_lowercase())
+    })
+}
+
+/// `text` without the numbers of cards, monitors, boards and batteries.
+fn without_numbers(text: &str) -> String {
+    const DEALT: [&str; 5] = ["card", "hwmon", "renderD", "BAT", "iio:device"];
+    let mut stable: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        let bare = word.trim_end_matches(|letter: char| !letter.is_alphanumeric());
+        let (name, rest) =
+            (bare.trim_end_matches(|digit: char| digit.is_ascii_digit()), &word[bare.len()..]);
+        let is_index = name.is_empty() && !bare.is_empty();
+        let is_of_board =
+            stable.last().is_some_and(|last| ["board", "device", "GPU"].contains(&last.as_str()));
+        if is_index && is_of_board {
+            continue;
+        }
+        let is_dealt =
+            DEALT.contains(&name.trim_start_matches(|letter: char| !letter.is_alphanumeric()));
+        stable.push(if is_dealt { format!("{name}{rest}") } else { word.to_owned() });
+    }
+    stable.join(" ")
 }
 
 #[cfg(test)]
@@ -105,15 +143,18 @@ mod tests {
     }
 
     #[test]
-    fn a_device_is_the_same_whatever_the_meter_s_option() {
+    fn a_device_is_the_same_whatever_its_number() {
         for (a, b, same) in [
             (
-                "whole card 0000:04:00.0, all programs",
-                "whole card 0000:04:00.0, all programs",
+                "whole card or APU 0000:04:00.0 (card1, PPT), all programs, power1_average of its driver",
+                "whole card or APU 0000:04:00.0 (card0, slowPPT), all programs, power1_input of its driver",
                 true,
             ),
-            ("whole card 0000:04:00.0", "whole card 0000:0b:00.0", false),
-            ("whole board RTX 4090, NVML", "whole board RTX 4080, NVML", false),
+            ("whole card 0000:04:00.0 (card1)", "whole card 0000:0b:00.0 (card1)", false),
+            ("whole board, PCI 00000000:0B:00.0", "whole board, PCI 0000:0b:00.0.", true),
+            ("whole board 0 (RTX 4090), NVML", "whole board 1 (RTX 4090), NVML", true),
+            ("whole board 0 (RTX 4090), NVML", "whole board 0 (RTX 4080), NVML", false),
+            ("card1 (hwmon3), its driver", "card0 (hwmon7), its driver", true),
             ("CPU time × 3.5 W per busy core", "CPU time × 5 W per busy core", false),
             ("rail VDD_IN, whole module", "rail VDD_CPU, whole module", false),
             ("package-0; on Intel N100", "package-0; on AMD Ryzen 5", false),
@@ -133,7 +174,7 @@ mod tests {
         assert_eq!(on_this_machine(work.clone(), None), work);
         let time = on_this_machine(meter("cpu-time", "CPU time"), None);
         assert!(time.description.contains(&processor()), "{time:?}");
-        assert_eq!(device(&time), "CPU time");
+        assert_eq!(stable_device(&time), "CPU time");
     }
 
     #[cfg(target_os = "linux")]

@@ -21,8 +21,7 @@ use bevy_frugal_gi::power::{MeterInfo, MeterState, MeteredPower, Provenance};
 use bevy_frugal_gi::signals::{BatteryLevel, BatterySettings};
 use bevy_frugal_gi::units::{Joules, Watts};
 use frugal_core::testing::{SimulatedDevice, SimulatedMeter};
-use frugal_search::evaluate::PathRecord;
-use frugal_search::testing::records::{power_range, read_records};
+use frugal_search::evaluate::{PathRecord, read_records};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::folder;
 use frugal_tests::table::markdown;
@@ -221,7 +220,7 @@ fn percent(share: f64) -> String {
 
 /// The limit at `share` of the way from the cheapest to the best settings' mean power.
 fn limit_at(level: &Level, share: f64) -> Watts {
-    let [low, high] = power_range(&level.record);
+    let [low, high] = level.record.power_range();
     low + (high - low) * share
 }
 

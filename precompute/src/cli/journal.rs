@@ -171,7 +171,7 @@ pub(super) fn journal_header(
         let adapter = adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name);
         header.with("processor", device::processor()).with("adapter", adapter)
     };
-    Ok(header.with("metered device", device::device(meter)))
+    Ok(header.with("metered device", device::stable_device(meter)))
 }
 
 /// The journal, and the records of an earlier run that is continued, with those of `others`.
@@ -225,8 +225,8 @@ mod tests {
 
     #[test]
     fn a_renumbered_card_resumes_and_another_processor_only_where_work_is_counted() {
-        let card = "whole card or APU 0000:04:00.0, all programs, power by its driver";
-        assert_eq!(header("amdgpu=card1", card), header("amdgpu=card0", card));
+        let card = "whole card or APU 0000:04:00.0 (card1, PPT), power1_average of its driver";
+        assert_eq!(header("amdgpu", card), header("amdgpu", &card.replace("card1", "card0")));
         assert_ne!(header("amdgpu", card), header("amdgpu", &card.replace("04:", "0b:")));
         let folder = tempfile::tempdir().expect("a folder");
         for (name, field) in [("cpu-time", "processor"), ("rapl", "processor"), ("rapl", "adapter")]

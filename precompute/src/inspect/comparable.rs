@@ -172,15 +172,15 @@ mod tests {
 
     #[test]
     fn a_card_that_got_another_number_is_the_same() {
-        let of = |name: &str, description: &str| {
+        let of = |description: &str| {
             let mut map = map();
-            map.meter.name = name.into();
+            map.meter.name = "amdgpu".into();
             map.meter.description = description.into();
             map
         };
-        let old = of("amdgpu=card1", "whole card 0000:04:00.0, power by its driver");
-        let new = of("amdgpu=card0", "whole card 0000:04:00.0, power by its driver");
-        let other = of("amdgpu=card1", "whole card 0000:0b:00.0, power by its driver");
+        let old = of("whole card 0000:04:00.0 (card1, PPT), power1_average of its driver");
+        let new = of("whole card 0000:04:00.0 (card0, PPT), power1_average of its driver");
+        let other = of("whole card 0000:0b:00.0 (card1, PPT), power1_average of its driver");
         assert_eq!(check(&old, &new, false), Ok(()));
         assert!(check(&old, &other, false).expect_err("two cards").contains("--any-device"));
     }

@@ -41,10 +41,10 @@ pub use view::{CUT_DISTANCE, CameraView, ViewDirection, is_cut};
 /// [`from_ron`](Self::from_ron) should be [validated](Self::validate). Look-ups never panic, even
 /// in an invalid map.
 ///
-/// [`from_ron`](Self::from_ron) and [`to_ron`](Self::to_ron) read and write its file, whose unknown
-/// fields are ignored.
+/// Unknown fields are ignored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "asset", derive(bevy_asset::Asset, bevy_reflect::TypePath))]
+#[serde(try_from = "StoredMap", into = "StoredMap")]
 pub struct FrontierMap {
     /// Version of the format; valid is [`VERSION`](Self::VERSION) only, which a map that was read has.
     pub version: u32,
@@ -62,9 +62,6 @@ pub struct FrontierMap {
     pub knobs: KnobSpace,
     /// World-space bounds of the camera positions.
     pub bounds: Bounds,
-    /// Of a file alone: all settings of the frontiers, in ascending order, which name them by index.
-    #[serde(rename = "settings")]
-    pub listed: Vec<KnobLevels>,
     /// Frontier over all training cameras together: the fallback where no local frontier is known.
     pub shared: Frontier,
     /// Calibrated error budgets. Where empty, predicted errors are taken as they are.
@@ -97,15 +94,7 @@ impl FrontierMap {
         // one with an unknown field.
         let VersionOnly { version } = ron::from_str(text)?;
         FrontierMapError::check_version(version)?;
-        let mut map: Self = ron::from_str(text)?;
-        let listed = std::mem::take(&mut map.listed);
-        let at = |index: KnobLevels| listed.get(usize::try_from(index.bits()).ok()?).copied();
-        map.replace_settings(at).map_err(|frontier| {
-            let count = listed.len();
-            FrontierMapError::Invalid(format!(
-                "frontier {frontier} has settings beyond the {count} that the map lists"
-            ))
-        })?;
+        let map: Self = ron::from_str::<StoredMap>(text)?.try_into()?;
         map.validate()?;
         Ok(map)
     }
@@ -117,43 +106,12 @@ impl FrontierMap {
     /// [`FrontierMapError::Unwritable`] when the serialiser fails, which it does not for this
     /// crate's types.
     pub fn to_ron(&self) -> Result<String, FrontierMapError> {
-        let mut stored = self.clone();
-        // Rounding drops points, and with them settings that only they have.
-        for frontier in stored.octree.frontiers.iter_mut().chain([&mut stored.shared]) {
-            *frontier = frontier.rounded();
-        }
-        let listed: Vec<KnobLevels> = stored.settings().into_iter().collect();
-        let index = |one: KnobLevels| {
-            let index = listed.binary_search(&one).ok()?;
-            Some(KnobLevels::from_bits(index as u128))
-        };
-        // Every settings is in the list, which was made of these frontiers.
-        let _ = stored.replace_settings(index);
-        stored.listed = listed;
         let layout =
             ron::ser::PrettyConfig::new().depth_limit(3).indentor("").separator("").new_line("\n");
-        let mut text = ron::ser::to_string_pretty(&stored, layout)
+        let mut text = ron::ser::to_string_pretty(self, layout)
             .map_err(|error| FrontierMapError::Unwritable { reason: error.to_string() })?;
         text.push('\n');
         Ok(text)
-    }
-
-    /// Gives the points of all frontiers other settings. An error is the number of the first frontier
-    /// that has settings without a counterpart.
-    fn replace_settings(
-        &mut self,
-        other: impl Fn(KnobLevels) -> Option<KnobLevels>,
-    ) -> Result<(), usize> {
-        let frontiers = self.octree.frontiers.iter_mut().chain([&mut self.shared]);
-        for (number, frontier) in frontiers.enumerate() {
-            let points = frontier
-                .points()
-                .iter()
-                .map(|point| Some(FrontierPoint { settings: other(point.settings)?, ..*point }));
-            let points = points.collect::<Option<Vec<_>>>().ok_or(number)?;
-            *frontier = Frontier::from_points(points);
-        }
-        Ok(())
     }
 
     /// All settings that the map may select, each once, in ascending order.
@@ -174,6 +132,108 @@ impl FrontierMap {
             return Ok(());
         }
         Err(FrontierMapError::OtherScene { map: self.scene.clone(), scene: scene.clone() })
+    }
+}
+
+/// The fields of a [`FrontierMap`] in the order of its file, with the list of settings.
+#[derive(Serialize, Deserialize)]
+#[serde(rename = "FrontierMap")]
+struct StoredMap {
+    version: u32,
+    scene: SceneIdentity,
+    capture: Capture,
+    meter: MeterInfo,
+    thresholds: Thresholds,
+    seed: u64,
+    knobs: KnobSpace,
+    bounds: Bounds,
+    /// All settings of the frontiers, in ascending order.
+    settings: Vec<KnobLevels>,
+    shared: Frontier,
+    error_rates: ErrorRates,
+    work_prices: WorkPrices,
+    knob_effects: KnobEffects,
+    octree: Octree,
+}
+
+/// The frontier with other settings at the same costs; `None` where one has no counterpart.
+fn with_settings(
+    frontier: &Frontier,
+    other: impl Fn(KnobLevels) -> Option<KnobLevels>,
+) -> Option<Frontier> {
+    let points = frontier.points().iter();
+    let points: Option<Vec<FrontierPoint>> = points
+        .map(|point| other(point.settings).map(|settings| FrontierPoint { settings, ..*point }))
+        .collect();
+    points.map(Frontier::from_points)
+}
+
+impl From<FrontierMap> for StoredMap {
+    fn from(mut map: FrontierMap) -> Self {
+        // Rounding drops points, and with them settings that only they have.
+        for frontier in map.octree.frontiers.iter_mut().chain([&mut map.shared]) {
+            *frontier = frontier.rounded();
+        }
+        let settings: Vec<KnobLevels> = map.settings().into_iter().collect();
+        let index = |one: KnobLevels| {
+            let index = settings.binary_search(&one).ok()?;
+            Some(KnobLevels::from_bits(index as u128))
+        };
+        for frontier in map.octree.frontiers.iter_mut().chain([&mut map.shared]) {
+            // Every settings is in the list, which was made of these frontiers.
+            if let Some(indexed) = with_settings(frontier, index) {
+                *frontier = indexed;
+            }
+        }
+        Self {
+            version: map.version,
+            scene: map.scene,
+            capture: map.capture,
+            meter: map.meter,
+            thresholds: map.thresholds,
+            seed: map.seed,
+            knobs: map.knobs,
+            bounds: map.bounds,
+            settings,
+            shared: map.shared,
+            error_rates: map.error_rates,
+            work_prices: map.work_prices,
+            knob_effects: map.knob_effects,
+            octree: map.octree,
+        }
+    }
+}
+
+impl TryFrom<StoredMap> for FrontierMap {
+    type Error = FrontierMapError;
+
+    fn try_from(stored: StoredMap) -> Result<Self, FrontierMapError> {
+        FrontierMapError::check_version(stored.version)?;
+        let StoredMap { mut shared, mut octree, settings, .. } = stored;
+        let at = |index: KnobLevels| settings.get(usize::try_from(index.bits()).ok()?).copied();
+        for (number, frontier) in octree.frontiers.iter_mut().chain([&mut shared]).enumerate() {
+            *frontier = with_settings(frontier, at).ok_or_else(|| {
+                let count = settings.len();
+                FrontierMapError::Invalid(format!(
+                    "frontier {number} has settings beyond the {count} that the map lists"
+                ))
+            })?;
+        }
+        Ok(Self {
+            version: stored.version,
+            scene: stored.scene,
+            capture: stored.capture,
+            meter: stored.meter,
+            thresholds: stored.thresholds,
+            seed: stored.seed,
+            knobs: stored.knobs,
+            bounds: stored.bounds,
+            shared,
+            error_rates: stored.error_rates,
+            work_prices: stored.work_prices,
+            knob_effects: stored.knob_effects,
+            octree,
+        })
     }
 }
 

@@ -119,7 +119,6 @@ pub fn map(levels: u8) -> FrontierMap {
         seed: 7,
         knobs: space(),
         bounds: Bounds { min: [-4.0, -2.0, -4.0], max: [4.0, 2.0, 4.0] },
-        listed: Vec::new(),
         octree: subdivided(levels),
     }
 }

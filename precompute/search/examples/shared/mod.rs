@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use frugal_search::testing::records::{Made, RecordFile};
+use frugal_search::evaluate::{Made, RecordFile};
 use serde::Serialize;
 
 /// `[FOLDER] [--json FILE]`.

@@ -195,7 +195,6 @@ mod tests {
             thresholds: Thresholds { power_w: 0.1, error: 0.001 },
             seed: 0,
             bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            listed: Vec::new(),
             error_rates: ErrorRates(vec![ErrorRate {
                 budget: 0.01,
                 watts_per_error: 100.0,

@@ -189,7 +189,6 @@ pub fn map_of(
         knob_effects,
         knobs: space.clone(),
         bounds: *bounds,
-        listed: Vec::new(),
         octree: outcome.fitted.octree.clone(),
     }
 }

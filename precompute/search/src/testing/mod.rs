@@ -1,7 +1,6 @@
 //! The plugin's knobs, and a synthetic renderer with a finished search on it, for tests.
 
 pub mod formula;
-pub mod records;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

@@ -118,16 +118,25 @@ fn maps_that_cost_more_have_their_own_exit_status() {
 
 fn watts_of_two_devices_are_not_compared() {
     let folder = folder();
-    let save = |name: &str, meter: &str, address: &str, scale: f64| {
+    let save = |name: &str, description: &str, scale: f64| {
         let mut map = map_of_cost(scale);
-        map.meter.name = meter.into();
-        map.meter.description = format!("whole card or APU {address}, power by its driver");
+        map.meter.name = "amdgpu".into();
+        map.meter.description = description.into();
         write(folder.path(), name, &map.to_ron().expect("text"));
     };
-    save("old.ron", "amdgpu=card0", "0000:03:00.0", 1.0);
-    save("new.ron", "amdgpu=card1", "0000:0b:00.0", 1.12);
-    save("low.ron", "amdgpu=card1", "0000:0b:00.0", 0.8);
-    save("same.ron", "amdgpu=card1", "0000:03:00.0", 1.0);
+    save(
+        "old.ron",
+        "whole card or APU 0000:03:00.0 (card0, PPT), power1_average of its driver",
+        1.0,
+    );
+    let other = "whole card or APU 0000:0b:00.0 (card1, slowPPT), power1_input of its driver";
+    save("new.ron", other, 1.12);
+    save("low.ron", other, 0.8);
+    save(
+        "same.ron",
+        "whole card or APU 0000:03:00.0 (card1, PPT), power1_average of its driver",
+        1.0,
+    );
     let compare = |new: &str, more: &[&str]| {
         run(folder.path(), &[&["inspect", "--compare", "old.ron", new][..], more].concat())
     };

@@ -1,15 +1,13 @@
-//! Records as data: what a policy is tried on without the scene, in a small file. For examples and
-//! benchmarks.
+//! Records as data: what a policy is tried on without the scene, in a small file.
 
 use std::path::Path;
 
 use frugal_core::frontier::{CostPoint, FrontierMap};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
-use frugal_core::units::Watts;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::evaluate::{PathPlan, PathRecord, Pose};
+use super::{PathPlan, PathRecord, Pose};
 use crate::table::CostTable;
 
 /// How a record was made.
@@ -110,14 +108,6 @@ pub fn read_records(
         Ok((record, map))
     };
     files.iter().map(read).collect()
-}
-
-/// Mean power of the cheapest and of the dearest settings that are known in every frame.
-pub fn power_range(record: &PathRecord) -> [Watts; 2] {
-    let means = record.table.means().map(|(_, cost)| cost.power.0);
-    let (low, high) = means
-        .fold((f64::INFINITY, 0.0_f64), |(low, high), power| (low.min(power), high.max(power)));
-    [Watts(low), Watts(high)]
 }
 
 #[cfg(test)]
