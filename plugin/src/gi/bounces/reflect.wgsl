@@ -6,8 +6,9 @@
 //
 // Then the flux that each patch reflects: a thread for each ray of a patch. In the first round patches are
 // lit by bounce VPLs, sampled from the maps' texels and from emissive surfaces, and by the camera's sky where
-// it is gathered (SKY). In later rounds (FURTHER) they are lit by all patches. Every patch evaluates all
-// sources: small sets would be blotchy near bright spots. Visibility by rays as in `gather/gather.wgsl`.
+// it is gathered (SKY). Every patch evaluates all of them: small sets would be blotchy near bright spots. In later
+// rounds (FURTHER) patches light each other: each evaluates every other one, of which neighbours are alike.
+// Visibility by rays as in `gather/gather.wgsl`.
 //
 // The sum of all rounds becomes texels behind those of the maps.
 
@@ -79,10 +80,13 @@ const REACH: f32 = 0.1;
 /// As in `bounces/camera.rs`. Constants, so that no loop depends on a uniform.
 const BOUNCE_VPLS: u32 = 1024u;
 const PATCHES: u32 = 2048u;
+/// All sources, and of how many neighbouring ones a patch evaluates one: as often those with itself as without.
 #ifdef FURTHER
 const SOURCES: u32 = PATCHES;
+const OF_SOURCES: u32 = 2u;
 #else
 const SOURCES: u32 = BOUNCE_VPLS;
+const OF_SOURCES: u32 = 1u;
 #endif
 /// Rays from each patch to the sky.
 const SKY_RAYS: u32 = 2u;
@@ -151,7 +155,7 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
         let origin = own.position + normal * surface_offset(own.position, apparent_distance(view.clip_from_view, distance(own.position, view.world_position)), 0.0);
         let noise = fract(f32(index) * 0.618034);
         var stratum = empty_stratum(fract(noise + f32(which) / f32(LANES)));
-        for (var i = which; i < SOURCES; i += LANES) {
+        for (var i = which * OF_SOURCES + (index / 2u) % OF_SOURCES; i < SOURCES; i += LANES * OF_SOURCES) {
             var vpl = sources[i];
             // No patch receives more than a VPL's whole flux.
             vpl.largest_geometry_term = min(vpl.largest_geometry_term, 3.1415927 / max(own.area, 1e-18));
@@ -161,7 +165,7 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
             let vpl = sources[stratum.sampled];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
             if !is_occluded(origin, end) {
-                incident = stratum.sent;
+                incident = stratum.sent * f32(OF_SOURCES);
             }
         }
 #ifdef SKY
