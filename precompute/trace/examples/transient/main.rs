@@ -23,6 +23,6 @@ fn main() {
     };
     table("Slope of the squared error over paths, light of one pixel", &rates::slopes);
     table("Single scattering in fog, relative squared error per frame", &rates::fog);
-    table("Time of flight, 20 MHz: absolute error of depth, cm", &camera::errors);
+    table("Time of flight: absolute error of depth, cm", &camera::errors);
     camera::pictures(&folder);
 }

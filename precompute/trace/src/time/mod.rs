@@ -60,6 +60,8 @@ pub fn sample_distance(
         .then_some((distance, density))
 }
 
+#[cfg(test)]
+mod flight_tests;
 #[cfg(all(test, feature = "media"))]
 mod fog_tests;
 #[cfg(test)]
