@@ -17,7 +17,7 @@
 //! | `caustics` | light that mirrors throw, from photons (feature `caustics`) |
 //! | [`metrics`] | images, and differences between two |
 //! | `coded` | a rolling shutter under modulated light; with the feature `coded` |
-//! | `inverse` | dual images, and sources found from their light; with the feature `inverse` |
+//! | `inverse` | dual images; with the feature `inverse` |
 //! | `time` | light by its time of arrival, and a time-of-flight camera; with the feature `time` |
 //!
 //! Each module imports only those above it; [`integrator`], `fog_cache`, `fog_beams` and `caustics`

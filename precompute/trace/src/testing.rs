@@ -18,7 +18,7 @@ const LEAST_EXPECTED: f64 = 5.0;
 const LEAST_CHANCE: f64 = 1e-4;
 
 /// Mean and its standard error.
-#[cfg(feature = "media")]
+#[cfg(any(feature = "media", all(feature = "caustics", feature = "time")))]
 pub(crate) fn statistics(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let values: Vec<f64> = values.collect();
     let count = values.len() as f64;

@@ -6,28 +6,55 @@ use frugal_trace::integrator::{Pixels, ReferenceScene, Settings, View, Watch};
 use frugal_trace::light::{Light, Sky};
 use frugal_trace::metrics::Picture;
 use frugal_trace::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial, SceneMesh};
-use frugal_trace::time::{SPEED_OF_LIGHT, Spread, Window, capture, frames, without_bounce};
+use frugal_trace::time::{
+    Capture, SPEED_OF_LIGHT, Spread, Window, capture, frames, without_bounce,
+};
 use glam::{DVec2, UVec2, Vec3};
 
 const SIZE: UVec2 = UVec2::new(64, 48);
 
 /// Two walls and a floor that meet 3 m before the eye, and a box; a lamp at the eye, 1 candela.
 pub(crate) fn corner(albedo: f32) -> ReferenceScene {
+    // The walls' edge is at (0, −3); they run 45° to both sides.
+    let quads = [
+        [[-3.0, -1.0, 0.0], [0.0, -1.0, -3.0], [0.0, 2.0, -3.0], [-3.0, 2.0, 0.0]],
+        [[0.0, -1.0, -3.0], [3.0, -1.0, 0.0], [3.0, 2.0, 0.0], [0.0, 2.0, -3.0]],
+        [[-3.0, -1.0, 0.0], [3.0, -1.0, 0.0], [3.0, -1.0, -3.0], [-3.0, -1.0, -3.0]],
+        [[-0.2, -1.0, -1.8], [0.4, -1.0, -1.8], [0.4, -0.4, -1.8], [-0.2, -0.4, -1.8]],
+        [[-0.2, -0.4, -1.8], [0.4, -0.4, -1.8], [0.4, -0.4, -2.2], [-0.2, -0.4, -2.2]],
+    ];
+    lit(&quads, albedo)
+}
+
+/// The same in a closed room: light also comes from behind the eye.
+fn room(albedo: f32) -> ReferenceScene {
+    let wall = |x: f32, z: f32, to_x: f32, to_z: f32| {
+        [[x, -1.0, z], [to_x, -1.0, to_z], [to_x, 2.0, to_z], [x, 2.0, z]]
+    };
+    let level = |y: f32| [[-3.0, y, 2.0], [3.0, y, 2.0], [3.0, y, -3.0], [-3.0, y, -3.0]];
+    let quads = [
+        wall(-3.0, 2.0, -3.0, -3.0),
+        wall(-3.0, -3.0, 3.0, -3.0),
+        wall(3.0, -3.0, 3.0, 2.0),
+        wall(3.0, 2.0, -3.0, 2.0),
+        level(-1.0),
+        level(2.0),
+        wall(-0.2, -1.8, 0.4, -1.8),
+    ];
+    lit(&quads, albedo)
+}
+
+/// Quads of one albedo, and a lamp at the eye, 1 candela.
+fn lit(quads: &[[[f32; 3]; 4]], albedo: f32) -> ReferenceScene {
     let mut mesh = SceneMesh::default();
-    let mut quad = |corners: [[f32; 3]; 4]| {
-        let corners = corners.map(Vec3::from);
+    for quad in quads {
+        let corners = quad.map(Vec3::from);
         let normal = (corners[2] - corners[0]).cross(corners[3] - corners[1]).normalize();
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(corners);
         mesh.normals.extend([normal; 4]);
         mesh.indices.extend([0, 1, 2, 0, 2, 3].map(|corner| first + corner));
-    };
-    // The walls' edge is at (0, −3); they run 45° to both sides.
-    quad([[-3.0, -1.0, 0.0], [0.0, -1.0, -3.0], [0.0, 2.0, -3.0], [-3.0, 2.0, 0.0]]);
-    quad([[0.0, -1.0, -3.0], [3.0, -1.0, 0.0], [3.0, 2.0, 0.0], [0.0, 2.0, -3.0]]);
-    quad([[-3.0, -1.0, 0.0], [3.0, -1.0, 0.0], [3.0, -1.0, -3.0], [-3.0, -1.0, -3.0]]);
-    quad([[-0.2, -1.0, -1.8], [0.4, -1.0, -1.8], [0.4, -0.4, -1.8], [-0.2, -0.4, -1.8]]);
-    quad([[-0.2, -0.4, -1.8], [0.4, -0.4, -1.8], [0.4, -0.4, -2.2], [-0.2, -0.4, -2.2]]);
+    }
     let material = SceneMaterial {
         base_color: [albedo, albedo, albedo, 1.0],
         reflectance: 0.0,
@@ -56,66 +83,54 @@ fn settings(seed: u64, samples: u32) -> Settings {
     Settings { samples, bounces: Some(8), seed, pixels: Pixels::Middle, ..Settings::default() }
 }
 
-/// Absolute errors of depth, metres, sorted: of all light, corrected, and of direct light.
-fn sorted_errors(albedo: f32, seed: u64) -> [Vec<f64>; 3] {
-    let capture = capture(&corner(albedo), &view(), &settings(seed, 128), 20e6, Watch::default())
-        .expect("a frequency");
-    let corrected = without_bounce(&capture, 1.0, 3).expect("an intensity");
-    let errors = |phasors: &[DVec2]| {
+/// Modulations, hertz: depths of each unwrap those of the next.
+const FREQUENCIES: [f64; 3] = [20e6, 60e6, 100e6];
+
+/// Absolute errors of depth, metres, sorted: at the first frequency as measured and corrected, and the
+/// same at the last one.
+fn sorted_errors(scene: &ReferenceScene, seed: u64) -> [Vec<f64>; 4] {
+    let mut coarse = None;
+    let captures = FREQUENCIES.map(|frequency| {
+        let settings = settings(seed, 128);
+        let mut one =
+            capture(scene, &view(), &settings, frequency, Watch::default()).expect("a frequency");
+        if let Some(coarse) = coarse.take() {
+            one = one.unwrapped(coarse).expect("a depth for each pixel");
+        }
+        coarse = Some(one.depths(one.all()));
+        one
+    });
+    let errors = |capture: &Capture, phasors: &[DVec2]| {
         let depths = capture.depths(phasors).into_iter().zip(capture.distances());
         let mut errors: Vec<f64> = depths.filter_map(|(a, b)| Some((a? - (*b)?).abs())).collect();
         errors.sort_by(f64::total_cmp);
         errors
     };
-    [errors(capture.all()), errors(&corrected), errors(capture.direct())]
+    let [first, _, last] = &captures;
+    let corrected = |one: &Capture| without_bounce(one, 1.0, 3).expect("an intensity");
+    [
+        errors(first, first.all()),
+        errors(first, &corrected(first)),
+        errors(last, last.all()),
+        errors(last, &corrected(last)),
+    ]
 }
 
 pub(crate) fn errors(seed: u64) -> Vec<(&'static str, f64)> {
+    let cases = [
+        ("corner, albedo 0.3: 20 MHz, median", corner(0.3)),
+        ("corner, albedo 0.6: 20 MHz, median", corner(0.6)),
+        ("corner, albedo 0.8: 20 MHz, median", corner(0.8)),
+        ("closed room, albedo 0.3: 20 MHz, median", room(0.3)),
+        ("closed room, albedo 0.6: 20 MHz, median", room(0.6)),
+    ];
     let mut rows = Vec::new();
-    for (albedo, names) in [
-        (
-            0.3,
-            [
-                "albedo 0.3, all light, median",
-                "  90th percentile",
-                "  corrected, median",
-                "  90th percentile",
-                "  direct light only, greatest",
-            ],
-        ),
-        (
-            0.6,
-            [
-                "albedo 0.6, all light, median",
-                "  90th percentile",
-                "  corrected, median",
-                "  90th percentile",
-                "  direct light only, greatest",
-            ],
-        ),
-        (
-            0.8,
-            [
-                "albedo 0.8, all light, median",
-                "  90th percentile",
-                "  corrected, median",
-                "  90th percentile",
-                "  direct light only, greatest",
-            ],
-        ),
-    ] {
-        let [all, corrected, direct] = sorted_errors(albedo, seed);
-        let at = |errors: &[f64], share: f64| {
-            100.0 * errors[((errors.len() - 1) as f64 * share) as usize]
-        };
-        let values = [
-            at(&all, 0.5),
-            at(&all, 0.9),
-            at(&corrected, 0.5),
-            at(&corrected, 0.9),
-            at(&direct, 1.0),
-        ];
-        rows.extend(names.into_iter().zip(values));
+    for (name, scene) in cases {
+        let names = [name, "  corrected", "  20, 60 and 100 MHz", "  corrected"];
+        for (name, errors) in names.into_iter().zip(sorted_errors(&scene, seed)) {
+            let at = |share: f64| 100.0 * errors[((errors.len() - 1) as f64 * share) as usize];
+            rows.extend([(name, at(0.5)), ("    90th percentile", at(0.9))]);
+        }
     }
     rows
 }

@@ -1,10 +1,17 @@
-//! Light in time: rates of convergence, fog sampled uniformly in time, and a time-of-flight camera.
+//! Light in time: rates of convergence, fog sampled uniformly in time, a mirror's light from photons,
+//! and a time-of-flight camera.
 //!
-//! `cargo run -p frugal_trace --features time --example transient -- [FOLDER [SEEDS]]`; pictures go
-//! into the folder. Every figure is the median over the seeds, with the least and the greatest.
+//! `cargo run -p frugal_trace --features caustics,time --example transient -- [FOLDER [SEEDS]]`;
+//! pictures go into the folder. Every figure is the median over the seeds, with the least and the
+//! greatest.
 
 mod camera;
+mod mirror;
 mod rates;
+#[path = "../common/sheet.rs"]
+mod sheet;
+#[path = "../common/timing.rs"]
+mod timing;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -23,6 +30,7 @@ fn main() {
     };
     table("Slope of the squared error over paths, light of one pixel", &rates::slopes);
     table("Single scattering in fog, relative squared error per frame", &rates::fog);
-    table("Time of flight, 20 MHz: absolute error of depth, cm", &camera::errors);
+    table("Light that a mirror throws, error ÷ mean", &mirror::errors);
+    table("Time of flight: absolute error of depth, cm", &camera::errors);
     camera::pictures(&folder);
 }

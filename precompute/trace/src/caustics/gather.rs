@@ -9,6 +9,8 @@ use super::map::{Photon, PhotonMap};
 use super::{Density, Reflector, Split};
 use crate::color::luminance;
 use crate::integrator::path::GREATEST_SURVIVAL;
+#[cfg(feature = "time")]
+use crate::integrator::path::{Arrival, Record};
 use crate::sampler::Sampler;
 
 /// Greatest ratio of a photon's cosines to shading and to geometric normal.
@@ -27,6 +29,9 @@ pub(super) struct Point<'a> {
     throughput: DVec3,
     /// Most surfaces that may have reflected a photon.
     most: u32,
+    /// Metres along the camera ray to it, and to the first surface.
+    #[cfg_attr(not(feature = "time"), expect(dead_code, reason = "light in time alone asks"))]
+    lengths: [f64; 2],
 }
 
 /// The light of photons near a point.
@@ -48,11 +53,16 @@ impl<'a> Split<'a> {
         sampler: &mut Sampler,
     ) -> Vec<Point<'a>> {
         let (mut found, mut throughput) = (Vec::new(), DVec3::ONE);
+        let mut lengths = [0.0; 2];
         for surfaces in 0.. {
             if self.settings.bounces.is_some_and(|bounces| surfaces > bounces) {
                 break;
             }
             let Some(at) = self.closest(origin, direction) else { break };
+            lengths[0] += f64::from(at.hit.distance);
+            if surfaces == 0 {
+                lengths[1] = lengths[0];
+            }
             let next = at.is_specular.then(|| {
                 let next = at.bsdf.sample(sampler)?.direction;
                 let lobes = at.lobes(next)?;
@@ -63,7 +73,7 @@ impl<'a> Split<'a> {
             origin = at.surface.ray_origin();
             if !at.is_mirror() {
                 let most = self.settings.bounces.map_or(u32::MAX, |bounces| bounces - surfaces);
-                found.push(Point { at, throughput, most });
+                found.push(Point { at, throughput, most, lengths });
             }
             let Some((weight, next)) = next.flatten() else { break };
             throughput *= weight;
@@ -97,6 +107,30 @@ impl Point<'_> {
             each(f64::from(squared) / (radius * radius), luminance(light));
         });
         gathered.per_area()
+    }
+
+    /// The light of photons within `radius`, metres, of `count` that left lights, nits; `record` is told
+    /// of each.
+    #[cfg(feature = "time")]
+    pub(super) fn arrivals(
+        &self,
+        map: &PhotonMap,
+        [radius, count]: [f64; 2],
+        record: &mut impl Record,
+    ) -> DVec3 {
+        let (share, mut sum) = ((PI * radius * radius * count).recip(), DVec3::ZERO);
+        map.within(self.place(), self.normal(), radius as f32, |_, photon| {
+            let light = self.light(photon) * share;
+            sum += light;
+            record.arrived(Arrival {
+                light,
+                surfaces: photon.surfaces + 1,
+                length: photon.length + self.lengths[0],
+                last: self.lengths[1],
+                odds: 1.0,
+            });
+        });
+        sum
     }
 
     fn place(&self) -> Vec3 {

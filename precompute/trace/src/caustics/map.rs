@@ -21,6 +21,8 @@ pub(super) struct Photon {
     pub(super) power: Vec3,
     /// Surfaces that reflected it.
     pub(super) surfaces: u32,
+    /// Metres from the light; for the sky and parallel light, from the first surface.
+    pub(super) length: f64,
 }
 
 /// Photons, to be found by place.

@@ -25,12 +25,14 @@ use rayon::prelude::*;
 
 use crate::bsdf::{Bsdf, Lobes, Surface};
 use crate::color::luminance;
+#[cfg(feature = "time")]
+use crate::integrator::path::Record;
 use crate::integrator::render::{pixels, sum};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::metrics::Radiance;
 use crate::sampler::Sampler;
 use crate::scene::Hit;
-use gather::Progress;
+use gather::{Point, Progress};
 
 /// Farthest photons that count, in radii of the scene: no search goes through a whole map.
 const REACH: f64 = 0.1;
@@ -125,7 +127,7 @@ pub fn photon_image(
         Density::Adaptive { passes, .. } => (passes.clamp(1, caustics.photons.max(1)), 1),
     };
     let bounds = scene.geometry.bounds();
-    let radius = bounds.map_or(0.0, |bounds| 0.5 * f64::from(bounds.size().length()));
+    let reach = REACH * bounds.map_or(0.0, |bounds| 0.5 * f64::from(bounds.size().length()));
     let mut pixels = vec![Progress::default(); view.size.element_product() as usize];
     for pass in 0..passes {
         // Shares of photons that differ by one at most.
@@ -136,20 +138,46 @@ pub fn photon_image(
         if map.photons.is_empty() && passes == 1 {
             continue;
         }
-        pixels.par_iter_mut().enumerate().for_each(|(pixel, progress)| {
-            for sample in 0..rays {
-                let number = pixel as u64;
-                let mut sampler = Sampler::new(!settings.seed, number, pass * rays + sample);
-                let at = [pixel as u32 % view.size.x, pixel as u32 / view.size.x];
-                let ray = view.sampled_ray(settings.pixels, at, &mut sampler);
-                let points = split.points(ray, &mut sampler);
-                progress.add(caustics.density, &map, f64::from(count), &points, radius * REACH);
-            }
+        split.gather(view, [pass, rays], &mut pixels, |progress, _, points| {
+            progress.add(caustics.density, &map, f64::from(count), points, reach);
         });
     }
     let finite = |light: DVec3| if light.as_vec3().is_finite() { light } else { DVec3::ZERO };
     let rgb = pixels.iter().map(|pixel| finite(pixel.mean()).as_vec3().to_array()).collect();
     Some(Radiance { width: view.size.x, height: view.size.y, rgb })
+}
+
+/// The photons' part in `settings.samples` passes of `caustics.photons` photons each, with a radius for
+/// each pass, metres, and a record of each pixel, row by row. It is told of each pass as of a path.
+#[cfg(feature = "time")]
+pub(crate) fn recorded<R: Record + Send>(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    caustics: &Caustics,
+    radii: impl Iterator<Item = f64>,
+    watch: Watch,
+    record: impl Fn() -> R,
+) -> Option<(Radiance, Vec<R>)> {
+    let split = Split { scene, settings, caustics };
+    let count = f64::from(caustics.photons.max(1));
+    let size = view.size.element_product();
+    let mut pixels: Vec<_> = (0..size).map(|_| (DVec3::ZERO, record())).collect();
+    for (pass, radius) in (0..settings.samples).zip(radii) {
+        let map = split.photons([pass, caustics.photons], watch.interrupted)?;
+        split.gather(view, [pass, 1], &mut pixels, |(sum, record), near, points| {
+            record.begin(near);
+            let of = [radius, count];
+            let light: DVec3 = points.iter().map(|point| point.arrivals(&map, of, record)).sum();
+            let is_finite = light.as_vec3().is_finite();
+            record.end(is_finite);
+            *sum += if is_finite { light } else { DVec3::ZERO };
+        });
+    }
+    let share = f64::from(settings.samples.max(1)).recip();
+    let rgb = pixels.iter().map(|pixel| (pixel.0 * share).as_vec3().to_array()).collect();
+    let image = Radiance { width: view.size.x, height: view.size.y, rgb };
+    Some((image, pixels.into_iter().map(|pixel| pixel.1).collect()))
 }
 
 /// A scene, and how its light is split.
@@ -184,6 +212,28 @@ struct Reflected {
 }
 
 impl<'a> Split<'a> {
+    /// Sends `rays` rays of a pass through each pixel, and calls `each` with what `pixels` has of it,
+    /// metres from the eye to where the ray begins, and the points that the ray reaches.
+    fn gather<T: Send>(
+        &self,
+        view: &View,
+        [pass, rays]: [u32; 2],
+        pixels: &mut [T],
+        each: impl Fn(&mut T, f64, &[Point]) + Sync,
+    ) {
+        let eye = view.pose.position.as_dvec3();
+        pixels.par_iter_mut().enumerate().for_each(|(pixel, own)| {
+            for sample in 0..rays {
+                let number = pixel as u64;
+                let mut sampler = Sampler::new(!self.settings.seed, number, pass * rays + sample);
+                let at = [pixel as u32 % view.size.x, pixel as u32 / view.size.x];
+                let ray = view.sampled_ray(self.settings.pixels, at, &mut sampler);
+                let points = self.points(ray, &mut sampler);
+                each(own, ray.0.as_dvec3().distance(eye), &points);
+            }
+        });
+    }
+
     fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Reflector<'a>> {
         let hit = self.scene.closest(origin, direction)?;
         let surface = Surface::new(&self.scene.geometry, &hit);

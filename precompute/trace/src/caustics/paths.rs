@@ -32,8 +32,11 @@ impl Split<'_> {
     fn follow(&self, flight: Flight, sampler: &mut Sampler, found: &mut Vec<Photon>) {
         let (mut origin, mut direction, mut power) =
             (flight.origin, flight.direction, flight.power);
+        let (mut length, mut pace) = (flight.length, flight.pace);
         for surfaces in 0.. {
             let Some(at) = self.closest(origin, direction) else { return };
+            length += pace * f64::from(at.hit.distance);
+            pace = 1.0;
             let (normal, geometric_normal) = (at.surface.normal, at.surface.geometric_normal);
             let towards = -direction;
             if surfaces == 0 {
@@ -45,6 +48,7 @@ impl Split<'_> {
                     direction: towards.as_vec3(),
                     power: power.as_vec3(),
                     surfaces,
+                    length,
                 });
             }
             if self.settings.bounces.is_some_and(|bounces| surfaces >= bounces) {

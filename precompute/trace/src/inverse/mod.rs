@@ -8,11 +8,9 @@
 //! |---|---|
 //! | `patterns` | random patterns that a transform multiplies with |
 //! | `dual` | the projector's view from few images of the camera; relighting it |
-//! | `source` | a small source from the light that it leaves on a plane |
 
 mod dual;
 mod patterns;
-mod source;
 
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -24,7 +22,6 @@ use crate::light::IncidentLight;
 use crate::sampler::Sampler;
 pub use dual::{Capture, Recovery};
 pub use patterns::Patterns;
-pub use source::{Irradiance, Source};
 
 /// Greatest number of entries of a matrix: 1 GiB.
 const MOST_ENTRIES: u64 = 1 << 28;
@@ -54,9 +51,6 @@ pub enum InverseError {
     /// A matrix would not fit in memory.
     #[error("a matrix of {0} entries is too large")]
     TooLarge(u64),
-    /// The light is not that of one source above the plane.
-    #[error("no source above the plane leaves this light")]
-    NoSource,
 }
 
 /// How [`Transport::trace`] works.
@@ -217,5 +211,7 @@ fn seen_by(view: &View, half: DVec2, point: DVec3) -> Option<usize> {
     is_seen.then(|| y as usize * view.size.x as usize + x as usize)
 }
 
+#[cfg(test)]
+mod source_tests;
 #[cfg(test)]
 mod tests;

@@ -1,8 +1,8 @@
-//! Reciprocity of the tracer, recovery of dual images, and of sources.
+//! Reciprocity of the tracer, and recovery of dual images.
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3, Quat, UVec2, Vec3};
+use glam::{UVec2, Vec3};
 
 use super::dual::{Haar, gaussian};
 use super::*;
@@ -29,7 +29,7 @@ fn room(lights: &[Light]) -> ReferenceScene {
     scene(vec![matte, glossy], vec![walls, block], lights)
 }
 
-fn scene(
+pub(super) fn scene(
     materials: Vec<SceneMaterial>,
     meshes: Vec<MeshBuilder>,
     lights: &[Light],
@@ -240,109 +240,6 @@ fn patches_add_up_to_the_whole_and_can_be_relit() {
     }
 }
 
-/// A random source above the middle of a plane, and points around it.
-fn random_source(seed: u64) -> (Source, Vec<DVec2>) {
-    let mut sampler = Sampler::new(seed, 0, 0);
-    let mut number = || sampler.number();
-    let position = DVec3::new(number() - 0.5, number() - 0.5, 0.3 + number());
-    // Within 60° of straight down.
-    let (cosine, angle) = (0.5 + 0.5 * number(), 2.0 * PI * number());
-    let sine = (1.0_f64 - cosine * cosine).sqrt();
-    let normal = DVec3::new(sine * angle.cos(), sine * angle.sin(), -cosine);
-    let source = Source { position, normal, flux: 100.0 * (0.5 + number()) };
-    let points = (0..64).map(|i| DVec2::new((i % 8) as f64 - 3.5, (i / 8) as f64 - 3.5) * 0.4);
-    (source, points.collect())
-}
-
-#[test]
-fn sources_are_found_from_their_light() {
-    let angle = |a: DVec3, b: DVec3| a.cross(b).length().atan2(a.dot(b)).to_degrees();
-    for (noise, places, degrees, worst) in [(0.0, 1e-6, 1e-4, 1e-3), (0.01, 0.015, 1.5, 0.5)] {
-        let (mut offs, mut turns, mut powers) = (Vec::new(), Vec::new(), Vec::new());
-        for seed in 0..200 {
-            let (source, points) = random_source(seed);
-            let mut sampler = Sampler::new(seed, 1, 0);
-            let mut gaussian = || {
-                let [radius, at] = sampler.pair();
-                (-2.0 * (1.0 - radius).ln()).sqrt() * (2.0 * PI * at).cos()
-            };
-            let light: Vec<Irradiance> = points
-                .iter()
-                .map(|point| {
-                    let lux = source.lux(*point) * (1.0 + noise * gaussian());
-                    Irradiance { point: *point, lux }
-                })
-                .collect();
-            let found = Source::find(&light).expect("a source");
-            assert!(found.position.z > 0.0, "above the plane, not mirrored");
-            offs.push(found.position.distance(source.position));
-            turns.push(angle(found.normal, source.normal));
-            powers.push((found.flux / source.flux - 1.0).abs());
-        }
-        for values in [&mut offs, &mut turns, &mut powers] {
-            values.sort_by(f64::total_cmp);
-        }
-        println!(
-            "noise {noise}: medians {:.2e} m, {:.2e}°, flux {:.2e}; 95 %: {:.2e} m, {:.2e}°",
-            offs[100], turns[100], powers[100], offs[190], turns[190]
-        );
-        assert!(offs[100] < places && turns[100] < degrees, "{} {}", offs[100], turns[100]);
-        assert!(offs[190] < worst, "{}", offs[190]);
-    }
-}
-
-/// The light that a lit patch leaves on a plane, by the shipped tracer: a virtual point light.
-#[test]
-fn a_lit_patch_is_found_from_the_tracers_image() {
-    let (position, tilt) = (Vec3::new(0.2, 0.8, -0.1), Quat::from_rotation_z(0.4));
-    let mut plane = MeshBuilder::new();
-    let corner = |x: f32, z: f32| Vec3::new(x * 3.0, 0.0, z * 3.0);
-    plane.quad([corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)]);
-    let mut patch = MeshBuilder::new();
-    let corner = |x: f32, z: f32| position + tilt * Vec3::new(x * 0.02, 0.0, z * 0.02);
-    patch.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
-    let white = SceneMaterial { reflectance: 0.0, ..SceneMaterial::default() };
-    let emissive =
-        SceneMaterial { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [1e5; 3], ..white.clone() };
-    let scene = scene(vec![white, emissive], vec![plane, patch], &[]);
-    let camera = View {
-        pose: CameraPose::looking_at(Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO),
-        vertical_fov_degrees: 36.0,
-        near: 1e-3,
-        size: UVec2::splat(16),
-    };
-    let settings = Settings {
-        samples: 64,
-        bounces: Some(0),
-        shading: Shading::Lambertian,
-        ..Settings::default()
-    };
-    let image = render(&scene, &camera, &settings, Watch::default()).expect("an image").extended;
-    let light: Vec<Irradiance> = camera
-        .rays()
-        .iter()
-        .zip(image.luminance())
-        .map(|(ray, nits)| {
-            let at = DVec3::new(0.0, 4.0, 0.0) - *ray * (4.0 / ray.y);
-            // The plane of y = 0 as that of z = 0.
-            Irradiance { point: DVec2::new(at.x, -at.z), lux: f64::from(nits) * PI }
-        })
-        // The camera sees the patch's dark back in the middle.
-        .filter(|one| one.lux > 0.0 && one.point.distance(DVec2::new(0.2, 0.1)) > 0.3)
-        .collect();
-    let found = Source::find(&light).expect("a source");
-    let normal = tilt * Vec3::NEG_Y;
-    let exact = [
-        DVec3::new(f64::from(position.x), -f64::from(position.z), f64::from(position.y)),
-        DVec3::new(f64::from(normal.x), -f64::from(normal.z), f64::from(normal.y)),
-    ];
-    let off = found.position.distance(exact[0]);
-    let turn = found.normal.angle_between(exact[1]).to_degrees();
-    let flux = PI * 1e5 * 0.04 * 0.04;
-    println!("{off:.4} m, {turn:.2}°, flux {:.4}", found.flux / flux);
-    assert!(off < 0.03 && turn < 2.0 && (found.flux / flux - 1.0).abs() < 0.05, "{found:?}");
-}
-
 #[test]
 fn extremes_are_errors_or_finite() {
     let [camera, projector] = ends(4);
@@ -369,14 +266,6 @@ fn extremes_are_errors_or_finite() {
         assert!(capture(0.0).dual(&[1.0; 16], &Recovery { size, ..recovery }).is_err());
     }
     assert_eq!(capture(0.0).patches(&[vec![99]], &recovery), Ok(vec![vec![0.0; 16]]));
-    let at = |x: f64, lux: f64| Irradiance { point: DVec2::new(x, x * x), lux };
-    assert!(Source::find(&[]).is_err());
-    assert!(Source::find(&(0..9).map(|i| at(f64::from(i), f64::NAN)).collect::<Vec<_>>()).is_err());
-    let found = Source::find(&vec![at(0.0, 1.0); 9]);
-    assert!(found.is_err() || found.is_ok_and(|found| found.position.is_finite()));
-    let below = Source { position: DVec3::NEG_Z, normal: DVec3::Z, flux: 1.0 };
-    assert_eq!(below.lux(DVec2::ZERO), 0.0);
-    assert_eq!(Source { position: DVec3::ZERO, ..below }.lux(DVec2::ZERO), 0.0);
 }
 
 #[test]

@@ -3,15 +3,10 @@
 //! Marco et al. 2019, "Progressive Transient Photon Beams": each beam and each camera's ray knows
 //! how far its light went, and what they exchange arrives at one time.
 
-use super::film::{Film, Frames, Spread, TimeError, Window, validate};
+use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate};
 use crate::fog_beams::{radii, recorded};
-use crate::integrator::path::{Arrival, Record};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::metrics::Radiance;
-
-/// Share of radius × bandwidth that the next pass keeps, in the limit of many: with both shrinking
-/// alike, error² falls fastest, as passes^(−2/3).
-const ALPHA: f64 = 2.0 / 3.0;
 
 /// How many beams, and how wide.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,32 +22,8 @@ pub struct Beams {
 /// Share of the first pass's radius and bandwidth that pass number `pass`, from 0, has in
 /// [`beams`] with kernels.
 pub fn narrowing(pass: u32) -> f64 {
-    (1..=pass).map(f64::from).map(|j| ((j + ALPHA) / (j + 1.0)).sqrt()).product()
-}
-
-/// A film whose kernel is narrower in each pass.
-struct Passes {
-    film: Film,
-    first: Spread,
-    pass: u32,
-}
-
-impl Record for Passes {
-    fn begin(&mut self, near: f64) {
-        if let Spread::Kernel(first) = self.first {
-            self.film.spread = Spread::Kernel(first * narrowing(self.pass));
-        }
-        self.pass += 1;
-        self.film.begin(near);
-    }
-
-    fn arrived(&mut self, arrival: Arrival) {
-        self.film.arrived(arrival);
-    }
-
-    fn end(&mut self, counts: bool) {
-        self.film.end(counts);
-    }
+    // Radius × bandwidth keeps α = 2/3 of its share: error² falls fastest, as passes^(−2/3).
+    narrowed(2.0 / 3.0, 1.0 / 2.0, pass)
 }
 
 /// Light that fog scatters towards the camera: the image of
@@ -84,14 +55,12 @@ pub fn beams(
     if scene.fog.is_none() {
         return Err(TimeError::NoFog);
     }
-    let film = || Passes { film: Film::new(window, spread), first: spread, pass: 0 };
+    let film = || Passes::new(window, spread, narrowing);
     let radii: Box<dyn Iterator<Item = f64>> = match spread {
         Spread::Bins => Box::new(radii(radius)),
         Spread::Kernel(_) => Box::new((0..).map(|pass| radius * narrowing(pass))),
     };
     let (image, films) = recorded(scene, view, settings, photons, radii, watch, &film)
         .ok_or(TimeError::Interrupted)?;
-    // A pass that is dropped is dark in both images.
-    let films = films.into_iter().map(|passes| (settings.samples, passes.film));
-    Ok((image, Frames::new(view, window, films)))
+    Ok((image, Passes::frames(films, view, window, settings.samples)))
 }

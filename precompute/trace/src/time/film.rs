@@ -193,6 +193,54 @@ impl Film {
     }
 }
 
+/// A film whose kernel is narrower in each pass.
+#[cfg(any(feature = "caustics", feature = "media"))]
+pub(super) struct Passes {
+    film: Film,
+    first: Spread,
+    narrowing: fn(u32) -> f64,
+    pass: u32,
+}
+
+#[cfg(any(feature = "caustics", feature = "media"))]
+impl Passes {
+    /// `narrowing` gives the share of the first bandwidth that a pass has.
+    pub(super) fn new(window: Window, first: Spread, narrowing: fn(u32) -> f64) -> Self {
+        Self { film: Film::new(window, first), first, narrowing, pass: 0 }
+    }
+
+    /// Means over `passes`; one that is dropped is dark.
+    pub(super) fn frames(films: Vec<Self>, view: &View, window: Window, passes: u32) -> Frames {
+        Frames::new(view, window, films.into_iter().map(|own| (passes, own.film)))
+    }
+}
+
+#[cfg(any(feature = "caustics", feature = "media"))]
+impl Record for Passes {
+    fn begin(&mut self, near: f64) {
+        if let Spread::Kernel(first) = self.first {
+            self.film.spread = Spread::Kernel(first * (self.narrowing)(self.pass));
+        }
+        self.pass += 1;
+        self.film.begin(near);
+    }
+
+    fn arrived(&mut self, arrival: Arrival) {
+        self.film.arrived(arrival);
+    }
+
+    fn end(&mut self, counts: bool) {
+        self.film.end(counts);
+    }
+}
+
+/// Share of the first pass's width that pass number `pass`, from 0, has, where the product of all widths
+/// keeps (j + α) ÷ (j + 1) from pass j to the next, and this width the part β of that, in logarithms.
+#[cfg(any(feature = "caustics", feature = "media"))]
+pub(super) fn narrowed(alpha: f64, beta: f64, pass: u32) -> f64 {
+    (1..=pass).map(f64::from).map(|j| ((j + alpha) / (j + 1.0)).powf(beta)).product()
+}
+
 /// Path-traces `view` of `scene` once, for the steady image and for the time-resolved one. The
 /// steady image is, bit by bit, that of [`render`](crate::integrator::render()).
 ///

@@ -51,6 +51,8 @@ pub struct Capture {
     pub(super) all: Vec<DVec2>,
     direct: Vec<DVec2>,
     distances: Vec<Option<f64>>,
+    /// Depths to which those of phasors are near, metres.
+    coarse: Vec<Option<f64>>,
     pub(super) rays: Vec<glam::DVec3>,
 }
 
@@ -142,7 +144,23 @@ impl Capture {
         if [all.len(), direct.len(), distances.len()] != [rays.len(); 3] {
             return Err(TimeError::Pixels);
         }
-        Ok(Self { frequency, width: view.size.x as usize, all, direct, distances, rays })
+        let (width, coarse) = (view.size.x as usize, vec![None; rays.len()]);
+        Ok(Self { frequency, width, all, direct, distances, coarse, rays })
+    }
+
+    /// The same with depths beyond the [`range`], given `coarse` ones of a lower frequency in the same
+    /// view, metres (Droeschel, Holz and Behnke 2010, "Multi-frequency Phase Unwrapping for
+    /// Time-of-Flight Cameras"). Coarse depths must be off by less than half the range: a few steps up
+    /// bear larger errors than one. What goes detours disturbs high frequencies less, because ways of
+    /// many lengths cancel out (Gupta et al. 2015, "Phasor Imaging").
+    ///
+    /// # Errors
+    /// When there is not one depth for each pixel.
+    pub fn unwrapped(self, coarse: Vec<Option<f64>>) -> Result<Self, TimeError> {
+        if coarse.len() != self.rays.len() {
+            return Err(TimeError::Pixels);
+        }
+        Ok(Self { coarse, ..self })
     }
 
     /// Phasors of all light that surfaces or fog scattered, nits.
@@ -161,9 +179,16 @@ impl Capture {
         &self.distances
     }
 
-    /// Distances that `phasors` stand for, metres.
+    /// Distances that `phasors`, one for each pixel, stand for, metres: in the first [`range`], or, where
+    /// [coarse depths](Self::unwrapped) are known, the nearest to those.
     pub fn depths(&self, phasors: &[DVec2]) -> Vec<Option<f64>> {
-        phasors.iter().map(|own| depth(phases(*own, 0.0), self.frequency)).collect()
+        let (frequency, range) = (self.frequency, range(self.frequency));
+        let unwrapped = |(own, coarse): (&DVec2, &Option<f64>)| {
+            let own = depth(phases(*own, 0.0), frequency)?;
+            let near = coarse.filter(|near| near.is_finite()).unwrap_or(own);
+            Some(own + range * ((near - own) / range).round().max(0.0))
+        };
+        phasors.iter().zip(&self.coarse).map(unwrapped).collect()
     }
 
     /// Solid angle of a pixel, steradians, from its neighbours' rays.

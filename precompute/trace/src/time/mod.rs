@@ -11,6 +11,7 @@
 //! | `output` | frames as layers of an OpenEXR file, as pictures and as an animation |
 //! | `flight` | a time-of-flight camera: from phases to depth |
 //! | `beams` | light in fog from beams; with the feature `media` |
+//! | `photons` | caustics, from photons; with the feature `caustics` |
 //! | `bounce` | what a time-of-flight camera can know of its multipath error |
 
 #[cfg(feature = "media")]
@@ -19,6 +20,8 @@ mod bounce;
 mod film;
 mod flight;
 mod output;
+#[cfg(feature = "caustics")]
+mod photons;
 
 use glam::DVec3;
 
@@ -28,6 +31,8 @@ pub use bounce::without_bounce;
 pub use film::{Frames, Spread, TimeError, Window, bandwidth, frames, kernel, progressive};
 pub use flight::{Capture, capture, depth, phases, phasor, range};
 pub use output::OutputError;
+#[cfg(feature = "caustics")]
+pub use photons::{Photons, caustics, shrinking};
 
 /// Metres per second, in vacuum.
 pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
@@ -60,7 +65,11 @@ pub fn sample_distance(
         .then_some((distance, density))
 }
 
+#[cfg(test)]
+mod flight_tests;
 #[cfg(all(test, feature = "media"))]
 mod fog_tests;
+#[cfg(all(test, feature = "caustics"))]
+mod photon_tests;
 #[cfg(test)]
 mod tests;

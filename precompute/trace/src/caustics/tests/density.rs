@@ -18,7 +18,7 @@ fn spread(count: u32, seed: u64) -> Vec<Photon> {
         let [a, b] = sampler.pair();
         let direction = unit(a - 0.5, 0.3, b - 0.5) * if i % 8 == 7 { -1.0 } else { 1.0 };
         let power = Vec3::splat(1.0 + sampler.number() as f32);
-        Photon { position: at(Vec2::new(x, z)), direction, power, surfaces: 1 }
+        Photon { position: at(Vec2::new(x, z)), direction, power, surfaces: 1, length: 0.0 }
     };
     (0..count).map(photon).collect()
 }
