@@ -7,7 +7,7 @@ use bevy::camera::RenderTarget;
 use bevy::color::LinearRgba;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
-use bevy::light::DirectionalLight;
+use bevy::light::{DirectionalLight, FogVolume, VolumetricFog};
 use bevy::log::LogPlugin;
 use bevy::math::UVec2;
 use bevy::mesh::{Mesh, Mesh3d};
@@ -125,10 +125,13 @@ fn most_bound(stage: &Stage) -> [(u32, String); 2] {
     most
 }
 
-/// Under a sky, with all bounces, rays, kept light, forward meshes and fog.
+/// Under a sky, with all bounces, rays, kept light, places for forward meshes, and fog.
 fn no_pass_needs_more_than_the_required_limits() {
     let scene = set::scene("courtyard");
     let mut stage = set::open(&scene, set::options(48, 27));
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).insert(VolumetricFog::default());
+    stage.world_mut().spawn((FogVolume::default(), Transform::default()));
     for settings in ["max", "max,gi_visibility=cached", "min,gi_vpl_count=64"] {
         set::apply(&mut stage, settings);
         stage.frame();
