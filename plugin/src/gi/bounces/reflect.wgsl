@@ -16,7 +16,7 @@
 #import bevy_frugal_gi::gi::texels::texels::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
 #import bevy_frugal_gi::gi::vpl::vpl::{
-    IMPORTANCE_POINTS, ImportancePoint, ImportancePoints, MAX_FLUX, Vpl, empty_stratum, from_vpl, update_stratum,
+    IMPORTANCE_POINTS, ImportancePoint, ImportancePoints, MAX_FLUX, Vpl, bound_of, empty_stratum, from_vpl, update_stratum,
 }
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
 #ifdef SKY
@@ -137,7 +137,7 @@ fn emit_patches(@builtin(global_invocation_id) id: vec3<u32>) {
     vpl.position = own.position;
     vpl.normal = patch_normal(own);
     vpl.texel_width = sqrt(clamp(own.area, 0.0, 1e18));
-    vpl.largest_geometry_term = 3.1415927 / clamp(own.area, 1e-9, 1e18);
+    vpl.largest_geometry_term = bound_of(own.area);
     vpl.flux = light[id.x].last;
     vpl.visibility = 1.0;
     emitters[id.x] = vpl;

@@ -10,7 +10,7 @@
 // the sum over texels, without variance where weights are proportional to flux.
 
 #import bevy_frugal_gi::gi::texels::texels::{Row, TILE, Texel, texel_normal}
-#import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoints, MAX_FLUX, Plan, Vpl, importance_of}
+#import bevy_frugal_gi::gi::vpl::vpl::{IMPORTANCE_POINTS, ImportancePoints, MAX_FLUX, Plan, Vpl, bound_of, importance_of}
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
@@ -115,9 +115,6 @@ fn visibility_of(tile: u32, position: vec3<f32>, normal: vec3<f32>) -> f32 {
 }
 #endif
 
-/// m², with which the irradiance from a thousand VPLs stays finite at any distance.
-const MIN_RADIUS_SQUARED: f32 = 1e-10;
-
 @compute @workgroup_size(64)
 fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= plan.sets * plan.per_set {
@@ -146,9 +143,8 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     vpl.position = texel.position;
     vpl.normal = texel_normal(texel);
     vpl.texel_width = sqrt(clamp(texel.area, 0.0, 1e18));
-    // The disk of all texels that the VPL stands for among all sets' VPLs, at least its own.
-    let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
-    vpl.largest_geometry_term = 1.0 / clamp(disk, MIN_RADIUS_SQUARED, 1e18);
+    // All texels that the VPL stands for among all sets' VPLs, at least its own.
+    vpl.largest_geometry_term = bound_of(texel.area * max(share / f32(plan.sets), 1.0));
     vpl.flux = select(vec3(0.0), min(texel.flux * (row.share * share), vec3(MAX_FLUX)), carries);
     vpl.visibility = 1.0;
 #ifdef TILE_VISIBILITY

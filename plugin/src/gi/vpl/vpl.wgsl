@@ -25,6 +25,14 @@ struct Vpl {
 /// distance, stay finite.
 const MAX_FLUX: f32 = 1e25;
 
+/// m², with which the irradiance from a thousand VPLs stays finite at any distance.
+const MIN_RADIUS_SQUARED: f32 = 1e-10;
+
+/// `Vpl::largest_geometry_term` of one that stands for a disk of `area`, m².
+fn bound_of(area: f32) -> f32 {
+    return 1.0 / clamp(area * 0.31830987, MIN_RADIUS_SQUARED, 1e18);
+}
+
 /// Unoccluded irradiance from one VPL, times π: the factor 1/π of its cosine lobe is applied to the
 /// sum. Lux · π.
 ///
