@@ -44,7 +44,7 @@ fn room(albedo: f32) -> ReferenceScene {
     lit(&quads, albedo)
 }
 
-/// Quads of one albedo, and a lamp at the eye, 1 candela.
+/// Quads of one albedo, and a point light at the eye, 1 candela.
 fn lit(quads: &[[[f32; 3]; 4]], albedo: f32) -> ReferenceScene {
     let mut mesh = SceneMesh::default();
     for quad in quads {

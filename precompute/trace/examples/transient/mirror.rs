@@ -31,8 +31,8 @@ fn with_truth(roughness: f32) -> (ReferenceScene, Frames) {
         let x = 1.2 * (s - 0.5);
         Vec3::new(x, 0.6 + 0.4 * t, -0.6 + 0.8 * x * x + 0.15 * (3.0 * x).sin())
     });
-    let lamp = spot([0.6, 2.2, 1.8], [0.0, 0.8, -0.5], 8.0);
-    let scene = scene(vec![(matte, table), (metal, mirror)], &[lamp]);
+    let light = spot([0.6, 2.2, 1.8], [0.0, 0.8, -0.5], 8.0);
+    let scene = scene(vec![(matte, table), (metal, mirror)], &[light]);
     let of = Photons { photons: 40_000, radius: 0.033, roughness: 0.25 };
     let truth = by_photons(&scene, of, 300, 999, Spread::Bins);
     (scene, truth)

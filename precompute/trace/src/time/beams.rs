@@ -3,7 +3,7 @@
 //! Marco et al. 2019, "Progressive Transient Photon Beams": each beam and each camera's ray knows
 //! how far its light went, and what they exchange arrives at one time.
 
-use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate};
+use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate_passes};
 use crate::fog_beams::{radii, recorded};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::metrics::Radiance;
@@ -48,10 +48,7 @@ pub fn beams(
     spread: Spread,
     watch: Watch,
 ) -> Result<(Radiance, Frames), TimeError> {
-    validate(window, spread)?;
-    if !(radius.is_finite() && radius > 0.0) {
-        return Err(TimeError::NotPositive);
-    }
+    validate_passes(window, spread, radius)?;
     if scene.fog.is_none() {
         return Err(TimeError::NoFog);
     }

@@ -269,6 +269,17 @@ pub(super) fn validate(window: Window, spread: Spread) -> Result<(), TimeError> 
     if fits { Ok(()) } else { Err(TimeError::NotPositive) }
 }
 
+/// The same of passes whose kernels have a radius, metres.
+#[cfg(any(feature = "caustics", feature = "media"))]
+pub(super) fn validate_passes(
+    window: Window,
+    spread: Spread,
+    radius: f64,
+) -> Result<(), TimeError> {
+    validate(window, spread)?;
+    if radius.is_finite() && radius > 0.0 { Ok(()) } else { Err(TimeError::NotPositive) }
+}
+
 /// The mean of `passes` passes with kernels that shrink from `first` seconds, see [`bandwidth`];
 /// each pass has `settings.samples` paths per pixel and its own random numbers.
 ///

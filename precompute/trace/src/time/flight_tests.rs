@@ -40,7 +40,7 @@ fn phases_give_depth_and_more_paths_more_of_it() {
     assert_eq!(depth([1.0, 0.0, 0.0, -0.0], frequency), Some(0.0));
 }
 
-/// Two white walls that meet in an edge 2 m before the eye, all of them in view, and a lamp of
+/// Two white walls that meet in an edge 2 m before the eye, all of them in view, and a point light of
 /// 1 candela at the eye.
 fn edge() -> (ReferenceScene, View) {
     let mut walls = MeshBuilder::new();
@@ -54,9 +54,9 @@ fn edge() -> (ReferenceScene, View) {
     };
     let power = (4.0 * PI) as f32;
     let (position, range, color) = (Vec3::ZERO, 1e6, [1.0; 3]);
-    let lamp = Light::Point { position, luminous_power: power, range, color };
+    let light = Light::Point { position, luminous_power: power, range, color };
     let rays = RayScene::from_geometry(&geometry);
-    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[lamp], Sky::Black).unwrap();
+    let scene = ReferenceScene::new(geometry.into(), rays.into(), &[light], Sky::Black).unwrap();
     let pose = CameraPose::looking_at(Vec3::ZERO, Vec3::NEG_Z);
     (scene, View { pose, size: UVec2::new(32, 24), ..view(1.0) })
 }
@@ -70,7 +70,7 @@ fn errors(capture: &Capture, phasors: &[DVec2]) -> (f64, f64) {
 }
 
 #[test]
-fn a_lamp_at_the_eye_shows_true_depth_and_light_of_two_bounces_can_be_taken_off() {
+fn a_light_at_the_eye_shows_true_depth_and_light_of_two_bounces_can_be_taken_off() {
     let (scene, view) = edge();
     let pixels = Pixels::Middle;
     let settings = Settings { pixels, samples: 512, bounces: Some(1), ..settings() };

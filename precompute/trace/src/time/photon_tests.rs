@@ -12,8 +12,8 @@ use crate::scene::testing::MeshBuilder;
 use crate::scene::{CameraPose, RayScene, SceneGeometry, SceneMaterial};
 use crate::testing::statistics;
 
-/// Places of lamp and eye.
-const LAMP: Vec3 = Vec3::new(-1.0, 1.0, 0.0);
+/// Places of light and eye.
+const SOURCE: Vec3 = Vec3::new(-1.0, 1.0, 0.0);
 const EYE: Vec3 = Vec3::new(0.0, 1.0, 1.5);
 
 /// A floor, and a mirror at x = 1 that alone is lit.
@@ -32,8 +32,8 @@ fn scene(roughness: f32) -> ReferenceScene {
         materials: vec![matte, metal],
         ..SceneGeometry::default()
     };
-    let lamp = Light::Spot {
-        position: LAMP,
+    let light = Light::Spot {
+        position: SOURCE,
         direction: Vec3::X,
         luminous_power: 1e3,
         range: 1e6,
@@ -42,7 +42,7 @@ fn scene(roughness: f32) -> ReferenceScene {
         color: [1.0; 3],
     };
     let rays = RayScene::from_geometry(&geometry);
-    ReferenceScene::new(geometry.into(), rays.into(), &[lamp], Sky::Black).unwrap()
+    ReferenceScene::new(geometry.into(), rays.into(), &[light], Sky::Black).unwrap()
 }
 
 fn view(to: Vec3, degrees: f32, size: [u32; 2]) -> View {
@@ -73,8 +73,8 @@ fn get(scene: &ReferenceScene, of: Photons, samples: u32, seed: u64, spread: Spr
 }
 
 #[test]
-fn a_mirror_s_light_arrives_when_that_of_the_lamp_s_image_would() {
-    // The middle of the light that the mirror throws on the floor, far behind the lamp.
+fn a_mirror_s_light_arrives_when_that_of_the_source_s_image_would() {
+    // The middle of the light that the mirror throws on the floor, far behind the light.
     let place = Vec3::new(-2.9, 0.0, 0.0);
     let (image, view) = (Vec3::new(3.0, 1.0, 0.0), view(place, 1.0, [2, 2]));
     let way = f64::from(image.distance(place) + place.distance(EYE));

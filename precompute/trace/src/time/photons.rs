@@ -3,7 +3,7 @@
 //! Jarabo et al. 2014, "A Framework for Transient Rendering", section 4.2: the density of photons in
 //! space and time, with kernels that shrink from pass to pass.
 
-use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate};
+use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate_passes};
 use crate::caustics::{Caustics, recorded};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::metrics::Radiance;
@@ -44,10 +44,7 @@ pub fn caustics(
     spread: Spread,
     watch: Watch,
 ) -> Result<(Radiance, Frames), TimeError> {
-    validate(window, spread)?;
-    if !(radius.is_finite() && radius > 0.0) {
-        return Err(TimeError::NotPositive);
-    }
+    validate_passes(window, spread, radius)?;
     let of = Caustics { photons, roughness, ..Caustics::default() };
     let radii = (0..).map(|pass| radius * shrinking(pass));
     let film = || Passes::new(window, spread, shrinking);
