@@ -135,12 +135,12 @@ pub fn photon_image(
             |pass: u32| (u64::from(caustics.photons) * u64::from(pass) / u64::from(passes)) as u32;
         let count = share(pass + 1) - share(pass);
         let map = split.photons([pass, count], watch.interrupted)?;
-        if map.photons.is_empty() && passes == 1 {
-            continue;
+        if !map.photons.is_empty() || passes > 1 {
+            split.gather(view, [pass, rays], &mut pixels, |progress, _, points| {
+                progress.add(caustics.density, &map, f64::from(count), points, reach);
+            });
         }
-        split.gather(view, [pass, rays], &mut pixels, |progress, _, points| {
-            progress.add(caustics.density, &map, f64::from(count), points, reach);
-        });
+        (watch.row_done)();
     }
     let finite = |light: DVec3| if light.as_vec3().is_finite() { light } else { DVec3::ZERO };
     let rgb = pixels.iter().map(|pixel| finite(pixel.mean()).as_vec3().to_array()).collect();
@@ -173,6 +173,7 @@ pub(crate) fn recorded<R: Record + Send>(
             record.end(is_finite);
             *sum += if is_finite { light } else { DVec3::ZERO };
         });
+        (watch.row_done)();
     }
     let share = f64::from(settings.samples.max(1)).recip();
     let rgb = pixels.iter().map(|pixel| (pixel.0 * share).as_vec3().to_array()).collect();

@@ -12,7 +12,7 @@ use crate::sampler::Sampler;
 /// Callbacks for progress and interruption; both are called from many threads.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
-    /// Called after each row.
+    /// Called after each row of paths, and after each pass of photons or beams.
     pub row_done: &'a (dyn Fn() + Sync),
     /// Called before each pixel; `true` interrupts.
     pub interrupted: &'a (dyn Fn() -> bool + Sync),

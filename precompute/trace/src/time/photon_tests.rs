@@ -1,6 +1,7 @@
 //! Caustics in time against closed forms and paths.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{DVec3, UVec2, Vec3};
 
@@ -170,6 +171,19 @@ fn densities_in_space_and_time_converge_as_theory_says() {
     assert!((-0.66..-0.50).contains(&slope), "{slope} is not −4/7");
     let volume = |pass| shrinking(pass).powi(3);
     assert!((volume(1) - 11.0 / 14.0).abs() < 1e-12 && volume(0) == 1.0);
+}
+
+#[test]
+fn passes_of_photons_in_time_are_reported() {
+    let done = AtomicU32::new(0);
+    let add = || {
+        done.fetch_add(1, Ordering::Relaxed);
+    };
+    let watch = Watch { row_done: &add, ..Watch::default() };
+    let of = Photons { photons: 50, radius: 0.1, roughness: 0.25 };
+    let (view, window) = (view(Vec3::new(-1.0, 0.0, 0.0), 40.0, [3, 2]), window([3.0, 8.0], 4));
+    caustics(&scene(0.2), &view, &settings(5, 0), of, window, Spread::Bins, watch).unwrap();
+    assert_eq!(done.load(Ordering::Relaxed), 5);
 }
 
 #[test]

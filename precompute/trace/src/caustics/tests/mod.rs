@@ -2,6 +2,8 @@
 
 mod density;
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use glam::{DVec3, UVec2, Vec2, Vec3};
 
 use super::*;
@@ -196,6 +198,37 @@ fn empty_dark_and_broken_scenes_are_finite() {
     }
     let stop = Watch { interrupted: &|| true, ..Watch::default() };
     assert!(render(&room(), &view(4), &settings, &Caustics::default(), stop).is_none());
+}
+
+#[test]
+fn passes_and_rows_are_reported() {
+    let done = AtomicU32::new(0);
+    let add = || {
+        done.fetch_add(1, Ordering::Relaxed);
+    };
+    let watch = Watch { row_done: &add, ..Watch::default() };
+    let settings = Settings { samples: 2, bounces: Some(1), ..Settings::default() };
+    let count = |scene: &ReferenceScene, density, is_whole| {
+        let caustics = Caustics { photons: 50, density, ..Caustics::default() };
+        done.store(0, Ordering::Relaxed);
+        if is_whole {
+            render(scene, &view(4), &settings, &caustics, watch).unwrap();
+        } else {
+            photon_image(scene, &view(4), &settings, &caustics, watch).unwrap();
+        }
+        done.load(Ordering::Relaxed)
+    };
+    let (lit, dark) = (room(), scene(&[], &[], Sky::Black));
+    for (density, passes) in
+        [(Density::Nearest { count: 5 }, 1), (Density::Adaptive { passes: 3, first: 5 }, 3)]
+    {
+        for scene in [&lit, &dark] {
+            assert_eq!(
+                [false, true].map(|is_whole| count(scene, density, is_whole)),
+                [passes, passes + 4]
+            );
+        }
+    }
 }
 
 #[test]
