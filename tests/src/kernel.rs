@@ -43,6 +43,17 @@ impl Kernel {
             .world_mut()
             .resource::<AssetServer>()
             .load(format!("embedded://bevy_frugal_gi/{path}"));
+        Self::of(stage, shader, entry_point, shader_defs, layouts)
+    }
+
+    /// [`with_groups`](Self::with_groups) for any shader.
+    pub fn of(
+        stage: &mut Stage,
+        shader: Handle<Shader>,
+        entry_point: &'static str,
+        shader_defs: Vec<ShaderDefVal>,
+        layouts: &[&[BindGroupLayoutEntry]],
+    ) -> Self {
         let layouts: Vec<_> = layouts
             .iter()
             .map(|layout| BindGroupLayoutDescriptor::new("frugal_tests/kernel", layout))
@@ -72,7 +83,7 @@ impl Kernel {
             "{:?}",
             stage.render_world().resource::<PipelineCache>().get_compute_pipeline_state(pipeline)
         );
-        panic!("{path} did not compile: {state}");
+        panic!("{entry_point} did not compile: {state}");
     }
 
     /// Dispatches it once over `groups` workgroups without waiting; reading back waits.
