@@ -8,13 +8,11 @@ use bevy::tasks::{AsyncComputeTaskPool, Task};
 
 use super::mesh::{MeshBvh, SOLID, micromap};
 use super::skin::{Influences, split};
+use super::wide::TRIANGLES_AT_ONCE;
 use crate::gi::surfaces::{
     Cutout, Mask, SurfaceAssets, SurfaceCache, SurfaceKey, Triangles, triangles,
 };
 
-/// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
-/// ones in the background.
-const TRIANGLES_AT_ONCE: usize = 4096;
 /// Meshes are built at once in a frame up to so many triangles together, so that a level that is
 /// streamed in stalls no frame; the rest of them in the background.
 const TRIANGLES_PER_FRAME: usize = 4 * TRIANGLES_AT_ONCE;
