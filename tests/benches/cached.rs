@@ -9,7 +9,7 @@
 //! sky. References are kept in the folder of temporary files.
 
 use bevy::math::UVec2;
-use bevy_frugal_gi::gi::inspect;
+use bevy_frugal_gi::gi::{FrugalGi, GiRefresh, inspect};
 use frugal::scene::{CameraPath, SceneDescription};
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
@@ -112,6 +112,9 @@ fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Ve
         &scene,
         set::radiance_options(options.size.x, options.size.y, Component::Indirect),
     );
+    // A stage gathers as if its camera moved; an app at rest averages samples.
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    set::gi(&mut stage).rest_frames = FrugalGi::default().rest_frames;
     let back = options.count as f32 / RATE;
     let walk = if seconds >= back { -1.0 / RATE } else { 1.0 / RATE };
     for settings in settings {
