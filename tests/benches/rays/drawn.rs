@@ -82,7 +82,7 @@ fn waves(size: UVec2, side: u32) -> impl Iterator<Item = Wave> {
 
 /// `pixel_noise` of `view/noise.wgsl`, in the first frame.
 fn noise(cell: UVec2) -> f32 {
-    (52.982_918_9 * cell.as_vec2().dot(Vec2::new(0.067_110_56, 0.005_837_15)).fract()).fract()
+    (52.982_918 * cell.as_vec2().dot(Vec2::new(0.067_110_56, 0.005_837_15)).fract()).fract()
 }
 
 /// One of several, in proportion to weights.
