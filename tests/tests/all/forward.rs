@@ -26,6 +26,8 @@ const SETTINGS: &str = "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=
 enum Drawn {
     Deferred,
     Forward,
+    /// Forward, and moved by a joint alone.
+    Skinned,
     /// Of opacity 1, among transparent meshes.
     Blended,
     /// Deferred, and so bright that it tells its pixels.
@@ -37,7 +39,9 @@ impl Drawn {
         let mut material = meshes::diffuse(0.7, 0.7, 0.7);
         match self {
             Self::Deferred => {}
-            Self::Forward => material.opaque_render_method = OpaqueRendererMethod::Forward,
+            Self::Forward | Self::Skinned => {
+                material.opaque_render_method = OpaqueRendererMethod::Forward;
+            }
             Self::Blended => material.alpha_mode = AlphaMode::Blend,
             Self::Emissive => material.emissive = LinearRgba::rgb(1e4, 1e4, 1e4),
         }
@@ -54,8 +58,15 @@ fn frames(stage: &mut Stage, count: u32) -> Radiance {
 fn with_twin(scene: &str, at: Vec3, eye: Vec3, drawn: Drawn) -> Stage {
     let options = set::radiance_options(64, 64, Component::Full);
     let mut stage = set::open(&set::scene(scene), options);
-    let twin: Mesh = Cuboid::from_length(0.4).into();
-    meshes::spawn(&mut stage, twin, drawn.material(), Transform::from_translation(at));
+    let (twin, place) = (Mesh::from(Cuboid::from_length(0.4)), Transform::from_translation(at));
+    if drawn == Drawn::Skinned {
+        let twin = meshes::with_joints(twin, |_| 0);
+        let twin = meshes::spawn(&mut stage, twin, drawn.material(), Transform::default());
+        let joint = meshes::add_joints(&mut stage, twin, 1)[0];
+        stage.world_mut().entity_mut(joint).insert(place);
+    } else {
+        meshes::spawn(&mut stage, twin, drawn.material(), place);
+    }
     set::apply(&mut stage, SETTINGS);
     // As Bevy's forward shading of ambient light.
     set::make_lambertian(&mut stage);
@@ -78,32 +89,35 @@ fn luminance(rgb: &[f32; 3]) -> f64 {
 }
 
 fn twins_receive_what_deferred_meshes_do() {
-    // In a lit room: near its middle, near the floor, near a wall.
+    // In a lit room: near its middle, near the floor, near walls, in a corner.
     for (scene, at, eye) in [
         ("two_rooms", Vec3::new(-2.0, 1.2, -0.6), Vec3::new(-2.6, 1.6, 0.9)),
         ("two_rooms", Vec3::new(-1.2, 0.25, 0.9), Vec3::new(-2.6, 1.2, -0.2)),
         ("two_rooms", Vec3::new(-3.4, 1.0, -1.4), Vec3::new(-2.2, 1.5, -0.4)),
+        ("two_rooms", Vec3::new(-0.6, 1.6, -1.7), Vec3::new(-1.8, 1.5, -0.6)),
+        ("two_rooms", Vec3::new(-3.0, 0.6, 1.6), Vec3::new(-1.8, 1.3, 0.8)),
     ] {
         let [emissive, _] = both(&mut with_twin(scene, at, eye, Drawn::Emissive), 8);
-        let images = [Drawn::Deferred, Drawn::Forward, Drawn::Blended]
+        let images = [Drawn::Deferred, Drawn::Forward, Drawn::Blended, Drawn::Skinned]
             .map(|drawn| both(&mut with_twin(scene, at, eye, drawn), 160));
         let [deferred, _] = &images[0];
         let emits =
             |i: usize| luminance(&emissive.rgb[i]) > 2.0 * luminance(&deferred.rgb[i]) + 1.0;
         let pixels: Vec<usize> = (0..deferred.rgb.len()).filter(|i| emits(*i)).collect();
-        let [reference, forward, blended] = images.map(|[direct, all]| {
+        let [reference, forward, blended, skinned] = images.map(|[direct, all]| {
             let sum: f64 =
                 pixels.iter().map(|i| luminance(&all.rgb[*i]) - luminance(&direct.rgb[*i])).sum();
             sum / pixels.len() as f64
         });
         println!(
-            "    {scene} {at}: {} pixels, {reference:.2}; forward {:.3}, blended {:.3} of it",
+            "    {scene} {at}: {} pixels, {reference:.2}; forward {:.3}, blended {:.3}, skinned {:.3} of it",
             pixels.len(),
             forward / reference,
-            blended / reference
+            blended / reference,
+            skinned / reference
         );
         assert!(pixels.len() > 60 && reference > 0.1, "{} {reference}", pixels.len());
-        for ratio in [forward / reference, blended / reference] {
+        for ratio in [forward, blended, skinned].map(|light| light / reference) {
             assert!((0.85..=1.15).contains(&ratio), "{scene} {at}: {ratio}");
         }
     }
