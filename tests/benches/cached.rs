@@ -85,12 +85,9 @@ fn counters(stage: &Stage) -> [u32; 2] {
     let Some([keys, _]) = state.cameras.first().and_then(|camera| camera.cache.clone()) else {
         return [0; 2];
     };
-    let bytes = gpu::read_buffer(stage.render_world(), &keys);
-    let end = bytes.len() - 16;
-    [0, 4].map(|at| {
-        let word = [0, 1, 2, 3].map(|byte| bytes[end + at + byte]);
-        u32::from_le_bytes(word)
-    })
+    let words = gpu::words(&gpu::read_buffer(stage.render_world(), &keys));
+    let end = words.len() - 4;
+    [words[end], words[end + 1]]
 }
 
 /// Renders a frame at a time of the tour; returns the rays that found cells, and places that were lit.
@@ -128,13 +125,14 @@ fn measure(view: &str, settings: &[&str], options: &Arguments, rows: &mut Vec<Ve
         frame(&mut stage, &scene, seconds);
         stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
         let mut most = [0; 2];
-        let rays = set::gathered(&stage).rays;
+        let mut rays = 0;
         let mut errors = Vec::new();
         let mut ratio = 0.0;
         for (frames, step) in [(CUT, 0.0), (options.count, 0.0), (options.count, walk)] {
             set::apply(&mut stage, &text);
             for left in (0..frames).rev() {
                 let [seeking, lit] = frame(&mut stage, &scene, seconds + step * left as f32);
+                rays = rays.max(set::gathered(&stage).rays);
                 let light = lit * 2;
                 if seeking + light > most[0] {
                     most = [seeking + light, light];

@@ -132,7 +132,12 @@ pub fn texels(bytes: &[u8]) -> Vec<Point> {
 
 /// Parses little-endian 32-bit floats.
 pub fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+    words(bytes).into_iter().map(f32::from_bits).collect()
+}
+
+/// Parses little-endian 32-bit words.
+pub fn words(bytes: &[u8]) -> Vec<u32> {
+    bytes.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect()
 }
 
 /// Little-endian bytes of 32-bit floats.

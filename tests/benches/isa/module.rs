@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use ash::vk::DescriptorType;
+use frugal_tests::gpu;
 use rspirv::binary::parse_words;
 use rspirv::dr::{Instruction, Loader, Module, Operand};
 use rspirv::spirv::{Decoration, ExecutionModel, Op, StorageClass};
@@ -21,10 +22,7 @@ impl ComputeModule {
     /// Reads a file. `None` if it holds another kind of shader.
     pub(crate) fn read(file: &Path) -> Option<Self> {
         let bytes = fs::read(file).unwrap_or_else(|error| panic!("{file:?}: {error}"));
-        let words: Vec<u32> = bytes
-            .chunks_exact(4)
-            .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
-            .collect();
+        let words = gpu::words(&bytes);
         let mut loader = Loader::new();
         parse_words(&words, &mut loader).unwrap_or_else(|error| panic!("{file:?}: {error}"));
         let module = loader.module();

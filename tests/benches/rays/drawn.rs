@@ -1,16 +1,17 @@
 //! Rays as the gather draws them, in the order of waves.
 
-use bevy::math::{UVec2, Vec2, Vec3};
+use bevy::math::{Quat, UVec2, Vec2, Vec3};
 use bevy_frugal_gi::gi::{FrugalGi, inspect};
 use frugal::stage::Stage;
 use frugal_tests::gather;
 use frugal_tests::gpu::{self, Point};
 use frugal_trace::integrator::FirstHit;
+use frugal_trace::scene::sphere_directions;
 
 use super::replay::{Ray, WAVE};
 
 /// Directions to the sky in a set, as many as the default samples.
-const SKY: usize = 16;
+const SKY: u32 = 16;
 
 /// What an image of low-resolution pixels shows, and from where.
 pub(crate) struct Image {
@@ -35,10 +36,15 @@ pub(crate) fn rays(stage: &Stage, image: &Image) -> [Vec<Ray>; 2] {
     let strata = FrugalGi::default().visibility.rays() as usize;
     let (mut to_vpls, mut to_sky) = (Vec::new(), Vec::new());
     for Wave { set, cells } in waves(image.size, camera.sets.isqrt()) {
+        // Each set has directions of its own.
+        let turn = Quat::from_rotation_y(set as f32);
         for stratum in 0..strata {
             let own: Vec<_> = sets[set].iter().skip(stratum).step_by(strata).collect();
-            let directions: Vec<Vec3> =
-                (stratum..SKY).step_by(strata).map(|index| direction(index, set)).collect();
+            let directions: Vec<Vec3> = sphere_directions(SKY)
+                .skip(stratum)
+                .step_by(strata)
+                .map(|direction| turn * direction)
+                .collect();
             for cell in &cells {
                 let number = (noise(*cell) + stratum as f32 * 0.618_034).fract();
                 let from = image.hits[(cell.y * image.size.x + cell.x) as usize]
@@ -98,15 +104,7 @@ fn chosen(weights: impl Iterator<Item = f64>, number: f32) -> Option<usize> {
     Some(sums.iter().position(|sum| *sum > target).unwrap_or(sums.len() - 1))
 }
 
-/// Directions of equal areas of the sphere, turned for each set.
-fn direction(index: usize, set: usize) -> Vec3 {
-    let z = 1.0 - (2 * index + 1) as f32 / SKY as f32;
-    let angle = std::f32::consts::TAU * (index as f32 * 0.618_034 + set as f32 * 0.324).fract();
-    let radius = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(radius * angle.cos(), z, radius * angle.sin())
-}
-
-/// `surface_offset` of `trace.wgsl`, without the width of a pixel.
+/// `surface_offset` of `trace.wgsl` in a view of 90 degrees, without the width of a pixel.
 fn offset(position: Vec3, eye: Vec3) -> f32 {
     5e-4 + 2e-4 * position.distance(eye) + 4e-7 * position.abs().max_element()
 }

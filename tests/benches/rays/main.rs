@@ -111,10 +111,10 @@ impl Counts {
             self.tops += u64::from(log[1]);
             tops = tops.max(log[1]);
             for word in &log[2..2 + count.min(WORDS - 2)] {
-                let (loads, tests) = (word >> 4 & 63, word & 15);
+                let (loads, tests) = (word >> 4 & 255, word & 15);
                 self.loads += u64::from(loads);
                 self.tests += u64::from(tests);
-                let most = rounds.entry(word >> 10).or_default();
+                let most = rounds.entry(word >> 12).or_default();
                 *most = [most[0].max(loads), most[1].max(tests)];
             }
         }

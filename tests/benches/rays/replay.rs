@@ -27,7 +27,7 @@ const COUNTED: [(&str, &str); 5] = [
     ("if meets_triangle(triangles[", "count(1u);"),
 ];
 /// A ray's log: whether it is occluded and its rounds; loads of nodes over instances; then for each round
-/// which it is (top node, instance, round; 22 bits), loads (6) and triangle tests (4).
+/// which it is (top node, instance, round; 20 bits), loads (8) and triangle tests (4).
 const REPLAY: &str = "
 struct Ray { origin: vec3<f32>, is_traced: u32, end: vec3<f32>, padding: u32 }
 @group(0) @binding(0) var<storage, read> rays: array<Ray>;
@@ -40,7 +40,7 @@ var<private> instance: u32;
 var<private> round: u32;
 fn begin_round() {
     rounds++;
-    logs[log + min(rounds + 1u, WORDS - 1u)] = (min(tops, 4095u) << 20u) | (instance << 17u) | (min(round, 127u) << 10u);
+    logs[log + min(rounds + 1u, WORDS - 1u)] = (min(tops, 1023u) << 22u) | (instance << 19u) | (min(round, 127u) << 12u);
     round++;
 }
 fn count(what: u32) {
@@ -112,7 +112,6 @@ impl Replay {
         let [a, b, c, d] = self.occluders.each_ref().map(|buffer| buffer.as_entire_binding());
         let trees = BindGroupEntries::sequential((a, b, c, d));
         self.kernel.run_with_groups(stage, &[&own, &trees], ((count / WAVE) as u32, 1));
-        let bytes = gpu::read_buffer(stage.render_world(), &logs);
-        bytes.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect()
+        gpu::words(&gpu::read_buffer(stage.render_world(), &logs))
     }
 }

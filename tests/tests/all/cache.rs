@@ -199,11 +199,8 @@ fn cells_lie_where_they_should() {
     set::radiance(&mut stage);
     let state = inspect::gpu_state(stage.render_world());
     let [keys, cells] = state.cameras[0].cache.clone().expect("a cache");
-    let bytes = gpu::read_buffer(stage.render_world(), &keys);
-    let words = |bytes: &[u8]| -> Vec<u32> {
-        bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().expect("4"))).collect()
-    };
-    let (keys, cells) = (words(&bytes), words(&gpu::read_buffer(stage.render_world(), &cells)));
+    let [keys, cells] =
+        [keys, cells].map(|buffer| gpu::words(&gpu::read_buffer(stage.render_world(), &buffer)));
     let slots = cells.len() / 6;
     assert!(slots.is_power_of_two() && keys.len() == slots + 4);
     let mut expected = BTreeSet::new();
