@@ -35,7 +35,7 @@ pub(crate) fn rays(stage: &Stage, image: &Image) -> [Vec<Ray>; 2] {
     let sets: Vec<_> = lights.chunks_exact(camera.per_set as usize).collect();
     let strata = FrugalGi::default().visibility.rays() as usize;
     let (mut to_vpls, mut to_sky) = (Vec::new(), Vec::new());
-    for Wave { set, cells } in waves(image.size, camera.sets.isqrt()) {
+    for Wave { set, tile, cells } in waves(image.size, camera.sets.isqrt()) {
         // Each set has directions of its own.
         let turn = Quat::from_rotation_y(set as f32);
         for stratum in 0..strata {
@@ -45,8 +45,8 @@ pub(crate) fn rays(stage: &Stage, image: &Image) -> [Vec<Ray>; 2] {
                 .step_by(strata)
                 .map(|direction| turn * direction)
                 .collect();
+            let number = (noise(tile) + stratum as f32 * 0.618_034).fract();
             for cell in &cells {
-                let number = (noise(*cell) + stratum as f32 * 0.618_034).fract();
                 let from = image.hits[(cell.y * image.size.x + cell.x) as usize]
                     .map(|hit| departure(&hit, image.eye));
                 to_vpls.push(from.and_then(|[from, normal]| {
@@ -68,9 +68,10 @@ pub(crate) fn rays(stage: &Stage, image: &Image) -> [Vec<Ray>; 2] {
     [to_vpls, to_sky]
 }
 
-/// The low-resolution pixels of a wave, and their VPL set.
+/// The low-resolution pixels of a wave, their VPL set, and what their random number is drawn by.
 struct Wave {
     set: usize,
+    tile: UVec2,
     cells: Vec<UVec2>,
 }
 
@@ -82,7 +83,8 @@ fn waves(size: UVec2, side: u32) -> impl Iterator<Item = Wave> {
         let corner = UVec2::new(group % groups.x, group / groups.x) * 8;
         let shift = UVec2::new(set % side, set / side);
         let cell = |thread| (corner + UVec2::new(thread % 8, thread / 8)) * side + shift;
-        Wave { set: set as usize, cells: (0..WAVE as u32).map(cell).collect() }
+        let tile = corner / 8 * side + shift;
+        Wave { set: set as usize, tile, cells: (0..WAVE as u32).map(cell).collect() }
     })
 }
 

@@ -103,18 +103,18 @@ impl Counts {
         for (ray, log) in rays.iter().zip(logs.chunks_exact(WORDS)) {
             let Some([origin, end]) = ray else { continue };
             let (occluded, count) = (log[0] & 1 == 1, (log[0] >> 1) as usize);
-            self.too_long += u64::from(count > WORDS - 2);
+            self.too_long += u64::from(2 * count > WORDS - 2);
             self.rays += 1;
             self.occluded += u64::from(occluded);
             self.unlike +=
                 u64::from(truth.is_occluded(*origin, *end).is_some_and(|truth| truth != occluded));
             self.tops += u64::from(log[1]);
             tops = tops.max(log[1]);
-            for word in &log[2..2 + count.min(WORDS - 2)] {
-                let (loads, tests) = (word >> 4 & 255, word & 15);
+            for round in log[2..].chunks_exact(2).take(count) {
+                let (loads, tests) = (round[1] >> 16, round[1] & 0xffff);
                 self.loads += u64::from(loads);
                 self.tests += u64::from(tests);
-                let most = rounds.entry(word >> 12).or_default();
+                let most = rounds.entry(round[0]).or_default();
                 *most = [most[0].max(loads), most[1].max(tests)];
             }
         }

@@ -22,17 +22,17 @@ const TRACE: &str = include_str!("../../../plugin/src/gi/trace/trace.wgsl");
 const COUNTED: [(&str, &str); 5] = [
     ("let node = instance_nodes[index];", "tops++;"),
     ("if meets_mesh(instances[first + i]", "instance = i; round = 0u;"),
-    ("var held = 0u;", "begin_round();"),
-    ("let node = mesh_nodes[", "count(16u);"),
+    ("while held < 65536u {", "begin_round();"),
+    ("let node = mesh_nodes[", "count(65536u);"),
     ("if meets_triangle(triangles[", "count(1u);"),
 ];
 /// A ray's log: whether it is occluded and its rounds; loads of nodes over instances; then for each round
-/// which it is (top node, instance, round; 20 bits), loads (8) and triangle tests (4).
+/// which it is (top node, instance, round), and in a second word its loads and triangle tests (16 bits each).
 const REPLAY: &str = "
 struct Ray { origin: vec3<f32>, is_traced: u32, end: vec3<f32>, padding: u32 }
 @group(0) @binding(0) var<storage, read> rays: array<Ray>;
 @group(0) @binding(1) var<storage, read_write> logs: array<u32>;
-const WORDS: u32 = 128u;
+const WORDS: u32 = 256u;
 var<private> log: u32;
 var<private> rounds: u32;
 var<private> tops: u32;
@@ -40,11 +40,11 @@ var<private> instance: u32;
 var<private> round: u32;
 fn begin_round() {
     rounds++;
-    logs[log + min(rounds + 1u, WORDS - 1u)] = (min(tops, 1023u) << 22u) | (instance << 19u) | (min(round, 127u) << 12u);
+    logs[log + min(2u * rounds, WORDS - 2u)] = (tops << 16u) | (instance << 13u) | round;
     round++;
 }
 fn count(what: u32) {
-    logs[log + min(rounds + 1u, WORDS - 1u)] += what;
+    logs[log + min(2u * rounds, WORDS - 2u) + 1u] += what;
 }
 @compute @workgroup_size(64)
 fn replay(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
@@ -59,7 +59,7 @@ fn replay(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocatio
     logs[log + 1u] = tops;
 }
 ";
-pub(crate) const WORDS: usize = 128;
+pub(crate) const WORDS: usize = 256;
 pub(crate) const WAVE: usize = 64;
 
 /// The counted traversal, and the stage's trees.

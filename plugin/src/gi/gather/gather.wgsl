@@ -50,12 +50,12 @@ fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return position + normal * surface_offset(position, apparent_distance(view.clip_from_view, eye), width);
 }
 
-fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+fn gathered(which_set: u32, seed: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
     let first = which_set * plan.per_set;
     let end_of_set = first + plan.per_set;
     // Fixed while something changes.
-    let noise = pixel_noise(cell, f32(plan.sequence));
+    let noise = pixel_noise(seed, f32(plan.sequence));
     var sum = vec3(0.0);
     var sum_sampled = vec3(0.0);
     var all = 0.0;
@@ -80,7 +80,7 @@ fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f
     return mix(sum, sum_sampled, min(2.0 * occluded, 1.0));
 }
 #else
-fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+fn gathered(which_set: u32, seed: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let first = which_set * plan.per_set;
     let end_of_set = first + plan.per_set;
     var sum = vec3(0.0);
@@ -94,11 +94,11 @@ fn gathered(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f
 #ifdef SKY_RAYS
 /// The same for the sky. Its samples have strata of their own: where the sky is bright and
 /// occluded, a shared ray would nearly always be spent on it.
-fn gathered_sky(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+fn gathered_sky(which_set: u32, seed: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
     let first = which_set * SKY_STRIDE;
     let end_of_set = first + sky_plan.samples;
-    let noise = pixel_noise(cell.yx, f32(plan.sequence));
+    let noise = pixel_noise(seed.yx, f32(plan.sequence));
     var sum = vec3(0.0);
     for (var which = 0u; which < #{SKY_RAYS}u; which++) {
         var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));
@@ -114,6 +114,13 @@ fn gathered_sky(which_set: u32, cell: vec2<u32>, position: vec3<f32>, normal: ve
     return sum;
 }
 #endif
+
+/// What a pixel's random number is drawn by: its workgroup and set, so that a workgroup's rays stay together
+/// and wait less for the longest. The window of the filter then has as many numbers as sets; where that is
+/// fewer than its pixels, each pixel has its own.
+fn noise_place(cell: vec2<u32>, group: vec2<u32>) -> vec2<u32> {
+    return select(cell, group * plan.interleave + cell % plan.interleave, plan.interleave >= 4u);
+}
 
 @compute @workgroup_size(8, 8)
 fn gather_vpls(
@@ -135,9 +142,10 @@ fn gather_vpls(
         textureStore(irradiance, cell, vec4(0.0));
         return;
     }
-    var light = gathered(which_set, cell, shown.position, shown.normal);
+    let seed = noise_place(cell, group.xy);
+    var light = gathered(which_set, seed, shown.position, shown.normal);
 #ifdef SKY_RAYS
-    light += gathered_sky(which_set, cell, shown.position, shown.normal);
+    light += gathered_sky(which_set, seed, shown.position, shown.normal);
 #endif
     // Exposed before it is stored, so that half floats hold any scene; brighter values are white
     // anyway.

@@ -162,14 +162,17 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
     // Nodes side by side that are still to visit: the first one's index × 16, and a bit for each.
     var nodes = instance.root * 16u + 1u;
     var depth = 0u;
+    // Triangles still to test, a bit for each: in the lower half of the node that came last, in the upper
+    // half of the one before.
+    var held = 0u;
+    var first_triangles = vec2(0u);
     loop {
-        // Boxes, until there are triangles to test: a workgroup then tests most of them together.
-        var triangle = 0u;
-        var held = 0u;
-        while held == 0u {
+        // Boxes, until two nodes' triangles wait or no box is left: so a workgroup tests most of them
+        // together, and its threads wait less for one another.
+        while held < 65536u {
             if (nodes & 15u) == 0u {
                 if depth == 0u {
-                    return false;
+                    break;
                 }
                 depth--;
                 nodes = stack[depth * THREADS + thread];
@@ -187,8 +190,11 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
             let children = select(vec4(0u), vec4(1u, 2u, 4u, 8u), is_met);
             let inner = (children.x | children.y | children.z | children.w) & ((1u << (node.grid >> 24u)) - 1u);
             let leaves = select(vec4(0u), vec4(node.held.x & 0xffffu, node.held.x >> 16u, node.held.y & 0xffffu, node.held.y >> 16u), is_met);
-            held = leaves.x | leaves.y | leaves.z | leaves.w;
-            triangle = node.first_triangle;
+            let own = leaves.x | leaves.y | leaves.z | leaves.w;
+            if own != 0u {
+                held = own | (held << 16u);
+                first_triangles = vec2(node.first_triangle, first_triangles.x);
+            }
             if inner != 0u {
                 if (nodes & 15u) != 0u {
                     stack[depth * THREADS + thread] = nodes;
@@ -197,8 +203,13 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
                 nodes = node.first_child * 16u + inner;
             }
         }
+        if held == 0u {
+            return false;
+        }
         while held != 0u {
-            if meets_triangle(triangles[triangle + firstTrailingBit(held)], origin, direction) {
+            let bit = firstTrailingBit(held);
+            let triangle = bit + select(first_triangles.x, first_triangles.y - 16u, bit >= 16u);
+            if meets_triangle(triangles[triangle], origin, direction) {
                 return true;
             }
             held &= held - 1u;
