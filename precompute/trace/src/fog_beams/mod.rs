@@ -14,7 +14,7 @@ use crate::color::luminance;
 use crate::integrator::path::{Arrival, GREATEST_SURVIVAL, Record};
 use crate::integrator::photons::{Flight, emitted};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
-use crate::media::{Fog, Line, density, sample};
+use crate::media::{CHANNELS, Fog, Line, density, sample};
 use crate::metrics::Radiance;
 use crate::sampler::Sampler;
 
@@ -241,23 +241,27 @@ fn walk(
     sampler: &mut Sampler,
     mut found: impl FnMut(Flight, Line),
 ) {
+    let mut channels = CHANNELS;
     for events in 0.. {
         let hit = scene.closest(flight.origin, flight.direction);
         let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
         let line = fog.line(flight.origin.as_dvec3(), flight.direction, reach);
+        let line = line.map(|line| Line { channels, ..line });
         if let Some(line) = line.filter(|line| line.scatters) {
             found(flight, line);
         }
         if settings.bounces.is_some_and(|bounces| events >= bounces) {
             return;
         }
-        let distance = line.and_then(|line| line.sample([sampler.number(), sampler.number()]));
+        let step = line.map(|line| line.sample([sampler.number(), sampler.number()]));
+        channels = step.map_or(channels, |step| step.channels);
+        let distance = step.and_then(|step| step.distance);
+        let through = step.map_or(DVec3::ONE, |step| step.weight);
         let way = distance.or(hit.map(|hit| f64::from(hit.distance))).unwrap_or_default();
         let (origin, direction, power) = if let (Some(line), Some(distance)) = (line, distance) {
             let point = line.at(distance);
-            let share = line.transmittance(distance) / line.density(distance);
             let direction = sample(fog.asymmetry(), flight.direction, sampler.pair());
-            (point.as_vec3(), direction, flight.arriving(point) * fog.scattering() * share)
+            (point.as_vec3(), direction, flight.arriving(point) * fog.scattering() * through)
         } else {
             let Some(hit) = hit else { return };
             let surface = Surface::new(&scene.geometry, &hit);
@@ -270,13 +274,11 @@ fn walk(
                 Bsdf::new(&surface, next.direction, settings.shading).evaluate(towards).0;
             let [leaving, arriving] =
                 [next.direction, towards].map(|way| way.dot(surface.geometric_normal).abs());
-            let share =
-                line.map_or(DVec3::ONE, |line| line.transmittance(line.far) / line.survival());
             let weight = reflected * (leaving / (arriving * next.density));
             (
                 surface.ray_origin(),
                 next.direction,
-                flight.arriving(surface.position) * share * weight,
+                flight.arriving(surface.position) * through * weight,
             )
         };
         let survival = (luminance(power) / luminance(flight.power)).min(GREATEST_SURVIVAL);

@@ -135,8 +135,7 @@ impl Cache {
 
     /// Middles of the steps of a pixel's ray through fog, and their transmittance × length, metres.
     fn steps(&self, scene: &ReferenceScene, view: &View, pixel: u32) -> Vec<(DVec3, DVec3)> {
-        let place = [pixel % view.size.x, pixel / view.size.x].map(|at| f64::from(at) + 0.5);
-        let (origin, direction) = view.ray(place[0], place[1]);
+        let (origin, direction) = view.middle_ray(pixel);
         let hit = scene.closest(origin, direction);
         let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
         let line = scene.fog.and_then(|fog| fog.line(origin.as_dvec3(), direction, reach));

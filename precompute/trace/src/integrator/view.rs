@@ -48,7 +48,7 @@ impl View {
     }
 
     /// The [ray](Self::ray) through the centre of a pixel, counted row by row.
-    fn middle_ray(&self, index: u32) -> (Vec3, DVec3) {
+    pub(crate) fn middle_ray(&self, index: u32) -> (Vec3, DVec3) {
         self.ray(f64::from(index % self.size.x) + 0.5, f64::from(index / self.size.x) + 0.5)
     }
 

@@ -6,6 +6,9 @@ use glam::DVec3;
 /// itself the density would be infinite.
 const LEAST_DISTANCE: f64 = 1e-6;
 
+/// Chances that red, green and blue choose a path's distances.
+pub(crate) const CHANNELS: DVec3 = DVec3::splat(1.0 / 3.0);
+
 /// The part of a ray that is in fog.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
@@ -21,6 +24,20 @@ pub(crate) struct Line {
     pub(crate) extinction: DVec3,
     /// Whether the fog scatters at all; otherwise no distance is sampled.
     pub(crate) scatters: bool,
+    /// Chances that red, green and blue choose the path's distances, by those that it has: at first
+    /// [`CHANNELS`].
+    pub(crate) channels: DVec3,
+}
+
+/// What becomes of light on a line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    /// Distance from the start of the ray at which it is scattered; `None` where it gets through.
+    pub(crate) distance: Option<f64>,
+    /// Transmittance ÷ density of the distance, metres, or ÷ the chance to get through.
+    pub(crate) weight: DVec3,
+    /// `channels` of the path's next line.
+    pub(crate) channels: DVec3,
 }
 
 impl Line {
@@ -35,28 +52,31 @@ impl Line {
         (self.extinction * (self.near - distance)).exp()
     }
 
-    /// Samples a distance by transmittance, of a random channel; `None` for a ray that gets
-    /// through, which happens by [`survival`](Self::survival).
-    pub(crate) fn sample(&self, [channel, number]: [f64; 2]) -> Option<f64> {
-        let extinction = self.extinction[((channel * 3.0) as usize).min(2)];
-        if !self.scatters || extinction <= 0.0 {
-            return None;
-        }
-        let distance = self.near - (1.0 - number).ln() / extinction;
-        (distance < self.far).then_some(distance)
+    /// Samples a distance by transmittance, of a random channel.
+    ///
+    /// One channel chooses all distances of a path: Wilkie et al. 2014, "Hero Wavelength Spectral
+    /// Sampling", with the balance heuristic over channels. Were each distance weighed alone, the
+    /// weights of long paths would grow without bound.
+    pub(crate) fn sample(&self, [channel, number]: [f64; 2]) -> Step {
+        let [red, green, _] = self.channels.to_array();
+        let channel = usize::from(channel >= red) + usize::from(channel >= red + green);
+        let distance = self.near - (1.0 - number).ln() / self.extinction[channel];
+        let distance = (self.scatters && distance < self.far).then_some(distance);
+        let transmittance = self.transmittance(distance.unwrap_or(self.far));
+        let densities = match distance {
+            _ if !self.scatters => DVec3::ONE,
+            Some(_) => self.extinction * transmittance,
+            None => transmittance,
+        };
+        let density = self.channels.dot(densities);
+        let channels = self.channels * densities / density;
+        Step { distance, weight: transmittance / density, channels }
     }
 
     /// Density of [`sample`](Self::sample), per metre.
     pub(crate) fn density(&self, distance: f64) -> f64 {
-        if !self.scatters {
-            return 0.0;
-        }
-        (self.extinction * self.transmittance(distance)).element_sum() / 3.0
-    }
-
-    /// Chance that [`sample`](Self::sample) returns none.
-    pub(crate) fn survival(&self) -> f64 {
-        if self.scatters { self.transmittance(self.far).element_sum() / 3.0 } else { 1.0 }
+        let densities = self.extinction * self.transmittance(distance);
+        if self.scatters { self.channels.dot(densities) } else { 0.0 }
     }
 }
 

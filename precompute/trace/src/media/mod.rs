@@ -13,7 +13,7 @@ use thiserror::Error;
 use crate::color::color;
 use crate::guide::around;
 use crate::scene::Bounds;
-pub(crate) use line::{Equiangular, Line};
+pub(crate) use line::{CHANNELS, Equiangular, Line};
 
 /// Greatest magnitude of the asymmetry: beyond it the phase function is a spike that no sampling
 /// of lights finds.
@@ -116,6 +116,7 @@ impl Fog {
             far,
             extinction: self.extinction(),
             scatters: self.scattering() != DVec3::ZERO,
+            channels: CHANNELS,
         })
     }
 

@@ -83,10 +83,15 @@ fn sampled_distances_have_their_densities() {
             Fit::new(&observed, &expected).assert(name);
             expected[cells] / count as f64
         };
-    let through = check("by transmittance", &|sampler| line.sample(sampler.pair()), &|distance| {
-        line.density(distance)
-    });
-    assert!((through - line.survival()).abs() < 1e-4, "{through}");
+    for channels in [line.channels, DVec3::new(0.1, 0.7, 0.2), DVec3::Z] {
+        let line = Line { channels, ..line };
+        let sample = |sampler: &mut Sampler| line.sample(sampler.pair());
+        let through = check("by transmittance", &|sampler| sample(sampler).distance, &|distance| {
+            line.density(distance)
+        });
+        let exact = channels.dot((-2.0 * fog.extinction()).exp());
+        assert!((through - exact).abs() < 1e-4, "{through}");
+    }
     for distances in [point, outside, far] {
         let through =
             check("by angle", &|sampler| Some(distances.sample(sampler.number())), &|distance| {

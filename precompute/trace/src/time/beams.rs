@@ -3,7 +3,7 @@
 //! Marco et al. 2019, "Progressive Transient Photon Beams": each beam and each camera's ray knows
 //! how far its light went, and what they exchange arrives at one time.
 
-use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate_passes};
+use super::film::{Film, Frames, Spread, TimeError, Window, narrowed, positive, validate};
 use crate::fog_beams::{radii, recorded};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::metrics::Radiance;
@@ -48,16 +48,18 @@ pub fn beams(
     spread: Spread,
     watch: Watch,
 ) -> Result<(Radiance, Frames), TimeError> {
-    validate_passes(window, spread, radius)?;
+    validate(window, spread)?;
+    positive(radius)?;
     if scene.fog.is_none() {
         return Err(TimeError::NoFog);
     }
-    let film = || Passes::new(window, spread, narrowing);
+    let film = || Film::new(window, spread, narrowing);
     let radii: Box<dyn Iterator<Item = f64>> = match spread {
         Spread::Bins => Box::new(radii(radius)),
         Spread::Kernel(_) => Box::new((0..).map(|pass| radius * narrowing(pass))),
     };
     let (image, films) = recorded(scene, view, settings, photons, radii, watch, &film)
         .ok_or(TimeError::Interrupted)?;
-    Ok((image, Passes::frames(films, view, window, settings.samples)))
+    // A pass that is dropped is dark.
+    Ok((image, Frames::new(view, window, films, |_| settings.samples)))
 }

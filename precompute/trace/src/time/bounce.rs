@@ -9,7 +9,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::film::TimeError;
+use super::film::{TimeError, positive};
 use super::flight::{Capture, phasor};
 
 /// A place that a pixel stands for.
@@ -39,9 +39,7 @@ pub fn without_bounce(
     candela: f64,
     rounds: u32,
 ) -> Result<Vec<DVec2>, TimeError> {
-    if !(candela.is_finite() && candela > 0.0) {
-        return Err(TimeError::NotPositive);
-    }
+    positive(candela)?;
     let mut direct = capture.all.clone();
     for _ in 0..rounds {
         let patches = patches(capture, &direct, candela);

@@ -92,15 +92,16 @@ impl Window {
 }
 
 impl Frames {
-    /// Means of films, each over its number of paths.
+    /// Means of films, each over as many paths as `count` says.
     pub(super) fn new(
         view: &View,
         window: Window,
-        films: impl Iterator<Item = (u32, Film)>,
+        films: Vec<Film>,
+        count: impl Fn(&Film) -> u32,
     ) -> Self {
         let (mut values, mut outside) = (Vec::new(), Vec::new());
-        for (paths, film) in films {
-            let share = 1.0 / f64::from(paths.max(1));
+        for film in films {
+            let share = 1.0 / f64::from(count(&film).max(1));
             values.extend(film.values.iter().map(|value| (*value * share).as_vec3().to_array()));
             outside.push((film.outside * share).as_vec3().to_array());
         }
@@ -130,7 +131,12 @@ impl Frames {
 /// A pixel's frames as they are filled.
 pub(super) struct Film {
     window: Window,
-    pub(super) spread: Spread,
+    /// How the first path spreads, and what part of its bandwidth each has.
+    first: Spread,
+    narrowing: fn(u32) -> f64,
+    /// How this path spreads.
+    spread: Spread,
+    begun: u32,
     near: f64,
     pending: Vec<Arrival>,
     values: Vec<DVec3>,
@@ -141,6 +147,10 @@ pub(super) struct Film {
 impl Record for Film {
     fn begin(&mut self, near: f64) {
         self.near = near;
+        if let Spread::Kernel(first) = self.first {
+            self.spread = Spread::Kernel(first * (self.narrowing)(self.begun));
+        }
+        self.begun += 1;
     }
 
     fn arrived(&mut self, arrival: Arrival) {
@@ -159,10 +169,20 @@ impl Record for Film {
 }
 
 impl Film {
-    pub(super) fn new(window: Window, spread: Spread) -> Self {
-        let values = vec![DVec3::ZERO; window.frames as usize];
-        let (pending, outside) = (Vec::new(), DVec3::ZERO);
-        Self { window, spread, near: 0.0, pending, values, outside, paths: 0 }
+    /// `narrowing` gives the share of the bandwidth of `first` that a path, counted from 0, has.
+    pub(super) fn new(window: Window, first: Spread, narrowing: fn(u32) -> f64) -> Self {
+        Self {
+            window,
+            first,
+            narrowing,
+            spread: first,
+            begun: 0,
+            near: 0.0,
+            pending: Vec::new(),
+            values: vec![DVec3::ZERO; window.frames as usize],
+            outside: DVec3::ZERO,
+            paths: 0,
+        }
     }
 
     fn add(&mut self, arrival: Arrival) {
@@ -193,50 +213,8 @@ impl Film {
     }
 }
 
-/// A film whose kernel is narrower in each pass.
-#[cfg(any(feature = "caustics", feature = "media"))]
-pub(super) struct Passes {
-    film: Film,
-    first: Spread,
-    narrowing: fn(u32) -> f64,
-    pass: u32,
-}
-
-#[cfg(any(feature = "caustics", feature = "media"))]
-impl Passes {
-    /// `narrowing` gives the share of the first bandwidth that a pass has.
-    pub(super) fn new(window: Window, first: Spread, narrowing: fn(u32) -> f64) -> Self {
-        Self { film: Film::new(window, first), first, narrowing, pass: 0 }
-    }
-
-    /// Means over `passes`; one that is dropped is dark.
-    pub(super) fn frames(films: Vec<Self>, view: &View, window: Window, passes: u32) -> Frames {
-        Frames::new(view, window, films.into_iter().map(|own| (passes, own.film)))
-    }
-}
-
-#[cfg(any(feature = "caustics", feature = "media"))]
-impl Record for Passes {
-    fn begin(&mut self, near: f64) {
-        if let Spread::Kernel(first) = self.first {
-            self.film.spread = Spread::Kernel(first * (self.narrowing)(self.pass));
-        }
-        self.pass += 1;
-        self.film.begin(near);
-    }
-
-    fn arrived(&mut self, arrival: Arrival) {
-        self.film.arrived(arrival);
-    }
-
-    fn end(&mut self, counts: bool) {
-        self.film.end(counts);
-    }
-}
-
 /// Share of the first pass's width that pass number `pass`, from 0, has, where the product of all widths
 /// keeps (j + α) ÷ (j + 1) from pass j to the next, and this width the part β of that, in logarithms.
-#[cfg(any(feature = "caustics", feature = "media"))]
 pub(super) fn narrowed(alpha: f64, beta: f64, pass: u32) -> f64 {
     (1..=pass).map(f64::from).map(|j| ((j + alpha) / (j + 1.0)).powf(beta)).product()
 }
@@ -257,27 +235,20 @@ pub fn frames(
     watch: Watch,
 ) -> Result<(Rendering, Frames), TimeError> {
     validate(window, spread)?;
-    let film = || Film::new(window, spread);
+    let film = || Film::new(window, spread, |_| 1.0);
     let (rendering, films) =
         render_recorded(scene, view, settings, watch, &film).ok_or(TimeError::Interrupted)?;
-    Ok((rendering, Frames::new(view, window, films.into_iter().map(|film| (film.paths, film)))))
+    Ok((rendering, Frames::new(view, window, films, |film| film.paths)))
 }
 
 pub(super) fn validate(window: Window, spread: Spread) -> Result<(), TimeError> {
     window.validate()?;
-    let fits = !matches!(spread, Spread::Kernel(width) if !(width.is_finite() && width > 0.0));
-    if fits { Ok(()) } else { Err(TimeError::NotPositive) }
+    if let Spread::Kernel(width) = spread { positive(width) } else { Ok(()) }
 }
 
-/// The same of passes whose kernels have a radius, metres.
-#[cfg(any(feature = "caustics", feature = "media"))]
-pub(super) fn validate_passes(
-    window: Window,
-    spread: Spread,
-    radius: f64,
-) -> Result<(), TimeError> {
-    validate(window, spread)?;
-    if radius.is_finite() && radius > 0.0 { Ok(()) } else { Err(TimeError::NotPositive) }
+/// Whether `value` is finite and above 0.
+pub(super) fn positive(value: f64) -> Result<(), TimeError> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(TimeError::NotPositive) }
 }
 
 /// The mean of `passes` passes with kernels that shrink from `first` seconds, see [`bandwidth`];
@@ -331,5 +302,5 @@ pub fn kernel(distance: f64, bandwidth: f64) -> f64 {
 /// Jarabo et al. 2014, section 4.1: `T(j + 1) = T(j) (j + α) / (j + 1)` with α = 4/5. The mean over
 /// n passes then has a squared error of n^(−4/5); bins of the best width for n have n^(−2/3).
 pub fn bandwidth(first: f64, pass: u32) -> f64 {
-    (1..=pass).fold(first, |width, j| width * (f64::from(j) + ALPHA) / (f64::from(j) + 1.0))
+    first * narrowed(ALPHA, 1.0, pass)
 }

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec2;
 
 use super::SPEED_OF_LIGHT;
-use super::film::TimeError;
+use super::film::{TimeError, positive};
 use crate::color::luminance;
 use crate::integrator::path::{Arrival, Record};
 use crate::integrator::render::render_recorded;
@@ -104,9 +104,7 @@ pub fn capture(
     frequency: f64,
     watch: Watch,
 ) -> Result<Capture, TimeError> {
-    if !(frequency.is_finite() && frequency > 0.0) {
-        return Err(TimeError::NotPositive);
-    }
+    positive(frequency)?;
     let empty = || Correlation {
         frequency,
         near: 0.0,
@@ -137,9 +135,7 @@ impl Capture {
         [all, direct]: [Vec<DVec2>; 2],
         distances: Vec<Option<f64>>,
     ) -> Result<Self, TimeError> {
-        if !(frequency.is_finite() && frequency > 0.0) {
-            return Err(TimeError::NotPositive);
-        }
+        positive(frequency)?;
         let rays = view.rays();
         if [all.len(), direct.len(), distances.len()] != [rays.len(); 3] {
             return Err(TimeError::Pixels);

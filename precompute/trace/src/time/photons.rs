@@ -3,7 +3,7 @@
 //! Jarabo et al. 2014, "A Framework for Transient Rendering", section 4.2: the density of photons in
 //! space and time, with kernels that shrink from pass to pass.
 
-use super::film::{Frames, Passes, Spread, TimeError, Window, narrowed, validate_passes};
+use super::film::{Film, Frames, Spread, TimeError, Window, narrowed, positive, validate};
 use crate::caustics::{Caustics, recorded};
 use crate::integrator::{ReferenceScene, Settings, View, Watch};
 use crate::metrics::Radiance;
@@ -44,11 +44,13 @@ pub fn caustics(
     spread: Spread,
     watch: Watch,
 ) -> Result<(Radiance, Frames), TimeError> {
-    validate_passes(window, spread, radius)?;
+    validate(window, spread)?;
+    positive(radius)?;
     let of = Caustics { photons, roughness, ..Caustics::default() };
     let radii = (0..).map(|pass| radius * shrinking(pass));
-    let film = || Passes::new(window, spread, shrinking);
+    let film = || Film::new(window, spread, shrinking);
     let (image, films) =
         recorded(scene, view, settings, &of, radii, watch, film).ok_or(TimeError::Interrupted)?;
-    Ok((image, Passes::frames(films, view, window, settings.samples)))
+    // A pass that is dropped is dark.
+    Ok((image, Frames::new(view, window, films, |_| settings.samples)))
 }

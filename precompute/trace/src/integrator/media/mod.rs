@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3};
 use super::path::{Arrival, CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL, Record, per_steradian};
 use super::{ReferenceScene, Settings};
 use crate::bsdf::{Bsdf, Surface};
-use crate::media::Fog;
+use crate::media::{CHANNELS, Fog, Line};
 use crate::sampler::Sampler;
 use vertex::{Vertex, along};
 
@@ -39,12 +39,14 @@ pub(super) fn trace(
         }
     };
     let mut throughput = DVec3::ONE;
+    let mut channels = CHANNELS;
     let mut last: Last = None;
     for events in 0.. {
         let may_scatter = settings.bounces.is_none_or(|bounces| events <= bounces);
         let hit = scene.closest(origin, direction);
         let reach = hit.map_or(f64::INFINITY, |hit| f64::from(hit.distance));
         let line = fog.line(origin.as_dvec3(), direction, reach);
+        let line = line.map(|line| Line { channels, ..line });
         let mut scattered_at = None;
         if let Some(line) = line {
             if may_scatter {
@@ -54,14 +56,12 @@ pub(super) fn trace(
                 });
                 estimate.add(events + 1, throughput * reached.punctual);
                 estimate.add_extended(events + 1, throughput * reached.extended);
-                scattered_at = line.sample([sampler.number(), sampler.number()]);
-                let through = match scattered_at {
-                    Some(distance) => {
-                        line.transmittance(distance) * fog.scattering() / line.density(distance)
-                    }
-                    None => line.transmittance(line.far) / line.survival(),
-                };
-                throughput *= through;
+                let step = line.sample([sampler.number(), sampler.number()]);
+                (scattered_at, channels) = (step.distance, step.channels);
+                throughput *= step.weight;
+                if scattered_at.is_some() {
+                    throughput *= fog.scattering();
+                }
             } else {
                 throughput *= line.transmittance(line.far);
             }

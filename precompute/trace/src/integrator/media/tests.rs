@@ -12,6 +12,7 @@ use crate::media::Fog;
 use crate::sampler::Sampler;
 use crate::scene::testing::MeshBuilder;
 use crate::scene::{Bounds, CameraPose, SceneGeometry, SceneMaterial};
+use crate::testing::statistics;
 
 fn fog(absorption: f32, scattering: f32, half: f32) -> Fog {
     Fog {
@@ -53,16 +54,11 @@ fn measure(
     origin: Vec3,
     direction: DVec3,
 ) -> (f64, f64) {
-    let values: Vec<f64> = (0..count)
-        .map(|i| {
-            let mut sampler = Sampler::new(settings.seed, i, 0);
-            let found = trace(scene, settings, None, origin, direction, &mut sampler);
-            found.direct.x + found.indirect.x
-        })
-        .collect();
-    let mean = values.iter().sum::<f64>() / count as f64;
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-    (mean, (variance / (count - 1) as f64 / count as f64).sqrt())
+    statistics((0..count).map(|i| {
+        let mut sampler = Sampler::new(settings.seed, i, 0);
+        let found = trace(scene, settings, None, origin, direction, &mut sampler);
+        found.direct.x + found.indirect.x
+    }))
 }
 
 /// Within four standard errors.
@@ -88,6 +84,28 @@ fn white_fog_in_white_surroundings_is_invisible() {
             let found = measure(&room, &settings, 4000, Vec3::new(0.1, 0.2, -0.5), direction);
             assert_is(found, 1.0, 0.2);
         }
+    }
+}
+
+#[test]
+fn colours_of_white_fog_sum_up_to_white_on_every_path() {
+    let fog = Fog { scattering: [0.4, 1.5, 4.0], asymmetry: 0.6, ..fog(0.0, 0.0, 1.0) };
+    let open = scene(Vec::new(), &[], Sky::constant([1.0; 3])).with_fog(fog).unwrap();
+    // No roulette, and no path that long.
+    let settings = lambertian(Some(1000));
+    let direction = DVec3::new(0.6, 0.0, 0.8);
+    let lights: Vec<DVec3> = (0..4000)
+        .map(|i| {
+            let mut sampler = Sampler::new(0, i, 0);
+            let found = trace(&open, &settings, None, Vec3::NEG_Z, direction, &mut sampler);
+            found.direct + found.indirect
+        })
+        .collect();
+    for light in &lights {
+        assert!((light.element_sum() / 3.0 - 1.0).abs() < 1e-9, "{light}");
+    }
+    for channel in 0..3 {
+        assert_is(statistics(lights.iter().map(|light| light[channel])), 1.0, 0.02);
     }
 }
 
