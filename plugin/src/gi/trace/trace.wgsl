@@ -21,8 +21,7 @@ struct Node {
 struct WideNode {
     /// Where the grid begins.
     origin: vec3<f32>,
-    /// From the lowest byte: exponents of the grid's steps along x, y, z; number of inner children,
-    /// which come first.
+    /// From the lowest byte: exponents of the grid's steps along x, y, z.
     grid: u32,
     /// A byte for each child, along x, y, z.
     lower: vec3<u32>,
@@ -31,7 +30,8 @@ struct WideNode {
     upper: vec3<u32>,
     /// The first triangle of all leaves.
     first_triangle: u32,
-    /// 16 bits for each child: which of the node's triangles it holds.
+    /// 16 bits for each child: from the lowest, which of the node's triangles it holds (8), and which of the
+    /// inner children it is (4).
     held: vec2<u32>,
     padding: vec2<u32>,
 }
@@ -186,11 +186,10 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
             let near = max(max(planes(near_side.x, step.x, start.x), planes(near_side.y, step.y, start.y)), max(planes(near_side.z, step.z, start.z), vec4(0.0)));
             let far = min(min(planes(far_side.x, step.x, start.x), planes(far_side.y, step.y, start.y)), min(planes(far_side.z, step.z, start.z), vec4(1.0)));
             // Slightly widened, so that rounding opens no seam between boxes.
-            let is_met = near <= far * 1.0000004;
-            let children = select(vec4(0u), vec4(1u, 2u, 4u, 8u), is_met);
-            let inner = (children.x | children.y | children.z | children.w) & ((1u << (node.grid >> 24u)) - 1u);
-            let leaves = select(vec4(0u), vec4(node.held.x & 0xffffu, node.held.x >> 16u, node.held.y & 0xffffu, node.held.y >> 16u), is_met);
-            let own = leaves.x | leaves.y | leaves.z | leaves.w;
+            let met = select(vec4(0u), vec4(node.held.xx, node.held.yy) >> vec4(0u, 16u, 0u, 16u), near <= far * 1.0000004);
+            let all = met.x | met.y | met.z | met.w;
+            let own = all & 255u;
+            let inner = (all >> 8u) & 15u;
             if own != 0u {
                 held = own | (held << 16u);
                 first_triangles = vec2(node.first_triangle, first_triangles.x);

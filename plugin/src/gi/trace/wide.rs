@@ -17,7 +17,7 @@ use super::bvh::{FlatBvh, half_area};
 
 /// Children of a node.
 const WIDTH: usize = 4;
-/// Most triangles of a leaf: a node's leaves name theirs with 16 bits.
+/// Most triangles of a leaf: a node's leaves name theirs with 8 bits.
 const MAX_IN_LEAF: usize = 2;
 /// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
 /// ones in the background.
@@ -36,8 +36,7 @@ const MARGIN: f32 = 1.0 / (1 << 20) as f32;
 pub(crate) struct WideNode {
     /// Where the grid of the children's boxes begins.
     origin: [f32; 3],
-    /// From the lowest byte: exponents of the grid's steps along x, y, z, as those of a float; number
-    /// of inner children, which come first.
+    /// From the lowest byte: exponents of the grid's steps along x, y, z, as those of a float.
     grid: u32,
     /// A byte for each child, along x, y, z.
     lower: [u32; 3],
@@ -46,7 +45,8 @@ pub(crate) struct WideNode {
     upper: [u32; 3],
     /// The first triangle of all leaves.
     first_triangle: u32,
-    /// 16 bits for each child: which of the node's triangles it holds.
+    /// 16 bits for each child: from the lowest, which of the node's triangles it holds (8), and which of the
+    /// inner children it is (4).
     held: [u32; 2],
     padding: [u32; 2],
 }
@@ -61,8 +61,8 @@ impl WideNode {
         }
     }
 
-    fn new(boxes: &[(Vec3A, Vec3A)], inner: usize) -> Self {
-        let mut node = Self { grid: (inner as u32) << 24, ..Self::default() };
+    fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
+        let mut node = Self::default();
         for axis in 0..3 {
             let low = boxes.iter().map(|(min, _)| min[axis]).fold(f32::INFINITY, f32::min);
             let high = boxes.iter().map(|(_, max)| max[axis]).fold(f32::NEG_INFINITY, f32::max);
@@ -146,14 +146,17 @@ impl WideBvh {
             let (leaves, inner): (Vec<_>, Vec<_>) = parts.into_iter().partition(is_leaf);
             let children = || inner.iter().chain(&leaves);
             let boxes: Vec<_> = children().map(|part| source.bounds(part)).collect();
-            let mut node = WideNode::new(&boxes, inner.len());
+            let mut node = WideNode::new(&boxes);
             node.first_child = wide.nodes.len() as u32;
             node.first_triangle = wide.order.len() as u32;
+            let mut hold = |child: usize, bits: u32| {
+                node.held[child / 2] |= bits << (16 * (child % 2));
+            };
+            (0..inner.len()).for_each(|child| hold(child, 1 << (8 + child)));
             for (child, leaf) in (inner.len()..).zip(&leaves) {
                 let range = source.range(leaf);
                 let first = wide.order.len() - node.first_triangle as usize;
-                let held = ((1_u32 << range.len()) - 1) << first;
-                node.held[child / 2] |= held << (16 * (child % 2));
+                hold(child, ((1 << range.len()) - 1) << first);
                 wide.order.extend(&binary.order[range]);
             }
             wide.nodes[index] = node;

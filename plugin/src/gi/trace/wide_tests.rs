@@ -26,14 +26,22 @@ pub(in super::super) fn soup(count: usize, seed: u32) -> Vec<[Vec3; 3]> {
     (0..count).map(|_| triangle()).collect()
 }
 
+/// The bits of a child.
+fn bits(node: &WideNode, child: usize) -> u32 {
+    node.held[child / 2] >> (16 * (child % 2)) & 0xffff
+}
+
+/// Number of inner children, which come first.
 fn inner(node: &WideNode) -> usize {
-    (node.grid >> 24) as usize
+    let count = (0..WIDTH).take_while(|child| bits(node, *child) >> 8 != 0).count();
+    assert!((0..count).all(|child| bits(node, child) == 1 << (8 + child)));
+    count
 }
 
 /// Triangles of a child, if it is a leaf.
 fn held(node: &WideNode, child: usize) -> impl Iterator<Item = usize> {
-    let (bits, first) = (node.held[child / 2] >> (16 * (child % 2)), node.first_triangle as usize);
-    (0..16).filter(move |bit| bits >> bit & 1 == 1).map(move |bit| first + bit)
+    let (bits, first) = (bits(node, child), node.first_triangle as usize);
+    (0..8).filter(move |bit| bits >> bit & 1 == 1).map(move |bit| first + bit)
 }
 
 /// A child's box, as a ray meets it.
@@ -184,7 +192,7 @@ proptest! {
         prop_assert!(origin <= low && origin + 255.0 * step >= high);
         prop_assert_eq!(origin % step, 0.0);
         let at = (low + extent * share).clamp(low, high);
-        let node = WideNode::new(&[(Vec3A::splat(low), Vec3A::splat(high)), (Vec3A::splat(at), Vec3A::splat(at))], 0);
+        let node = WideNode::new(&[(Vec3A::splat(low), Vec3A::splat(high)), (Vec3A::splat(at), Vec3A::splat(at))]);
         let fine = f32::from_bits((node.grid & 255) << 23);
         let slack = 1e-4 * fine;
         let [below, above] = [node.lower[0], node.upper[0]].map(|bytes| (bytes >> 8 & 255) as f32);
