@@ -54,7 +54,7 @@ pub const STRUCT_BYTES: [(&str, u64); 19] = [
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 19] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 20] = [
     ("texels/texels.wgsl", "TILE", TILE as u64),
     ("vpl/vpl.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
@@ -67,6 +67,7 @@ pub const SHADER_CONSTANTS: [(&str, &str, u64); 19] = [
     ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),
     ("sky/sky.wgsl", "SKY_STRIDE", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
     ("sky/fill.wgsl", "STEPS", sky::STEPS as u64),
+    ("gather/gather.wgsl", "RAY_WINDOW", denoise::RAY_WINDOW as u64),
     ("forward/light.wgsl", "RAYS", forward::RAYS as u64),
     ("forward/light.wgsl", "LOOKS", forward::LOOKS as u64),
     ("forward/probe.wgsl", "ACROSS", PLACES.x as u64),

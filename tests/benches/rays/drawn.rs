@@ -80,10 +80,10 @@ fn waves(size: UVec2, side: u32) -> impl Iterator<Item = Wave> {
     let groups = size / (8 * side);
     (0..groups.element_product() * side * side).map(move |index| {
         let (group, set) = (index / (side * side), index % (side * side));
-        let corner = UVec2::new(group % groups.x, group / groups.x) * 8;
+        let group = UVec2::new(group % groups.x, group / groups.x);
         let shift = UVec2::new(set % side, set / side);
-        let cell = |thread| (corner + UVec2::new(thread % 8, thread / 8)) * side + shift;
-        let tile = corner / 8 * side + shift;
+        let cell = |thread| (group * 8 + UVec2::new(thread % 8, thread / 8)) * side + shift;
+        let tile = group * side + shift;
         Wave { set: set as usize, tile, cells: (0..WAVE as u32).map(cell).collect() }
     })
 }

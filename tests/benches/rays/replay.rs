@@ -8,7 +8,7 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::{
     BindGroupEntries, BindGroupLayoutEntries, BindGroupLayoutEntry, Buffer, ShaderStages,
 };
-use bevy::shader::Shader;
+use bevy::shader::{Shader, ShaderDefVal};
 use bevy_frugal_gi::gi::inspect;
 use frugal::stage::Stage;
 use frugal_tests::gpu;
@@ -32,7 +32,7 @@ const REPLAY: &str = "
 struct Ray { origin: vec3<f32>, is_traced: u32, end: vec3<f32>, padding: u32 }
 @group(0) @binding(0) var<storage, read> rays: array<Ray>;
 @group(0) @binding(1) var<storage, read_write> logs: array<u32>;
-const WORDS: u32 = 256u;
+const WORDS: u32 = #{WORDS}u;
 var<private> log: u32;
 var<private> rounds: u32;
 var<private> tops: u32;
@@ -90,7 +90,8 @@ impl Replay {
             (read(), read(), read(), read()),
         );
         let both: [&[BindGroupLayoutEntry]; 2] = [&own, &trees];
-        let kernel = Kernel::of(stage, shader, "replay", vec![], &both);
+        let words = vec![ShaderDefVal::UInt("WORDS".into(), WORDS as u32)];
+        let kernel = Kernel::of(stage, shader, "replay", words, &both);
         let occluders = inspect::gpu_state(stage.render_world()).occluders;
         Self { kernel, occluders: occluders.expect("a camera that traces") }
     }

@@ -26,9 +26,8 @@ use history::{LENGTH_FORMAT, Reprojection};
 
 /// Window sizes with a pipeline.
 const WINDOWS: [u32; 3] = [2, 4, 8];
-/// Window that averages the noise of rays where VPLs are not interleaved. `gather.wgsl` gives its pixels
-/// numbers of their own by it (`noise_place`).
-const RAY_WINDOW: u32 = 4;
+/// Window that averages the noise of rays where VPLs are not interleaved.
+pub(super) const RAY_WINDOW: u32 = 4;
 
 /// Side of the window in low-resolution pixels, above 1 where settings
 /// [filter](FrugalGi::filters). It covers every set of VPLs once.

@@ -115,11 +115,14 @@ fn gathered_sky(which_set: u32, seed: vec2<u32>, position: vec3<f32>, normal: ve
 }
 #endif
 
+/// Least side of the denoiser's window over rays, in low-resolution pixels.
+const RAY_WINDOW: u32 = 4u;
+
 /// What a pixel's random number is drawn by: its workgroup and set, so that a workgroup's rays stay together
 /// and wait less for the longest. The window of the filter then has as many numbers as sets; where that is
 /// fewer than its pixels, each pixel has its own.
 fn noise_place(cell: vec2<u32>, group: vec2<u32>) -> vec2<u32> {
-    return select(cell, group * plan.interleave + cell % plan.interleave, plan.interleave >= 4u);
+    return select(cell, group * plan.interleave + cell % plan.interleave, plan.interleave >= RAY_WINDOW);
 }
 
 @compute @workgroup_size(8, 8)

@@ -19,6 +19,7 @@ use super::bvh::{FlatBvh, half_area};
 const WIDTH: usize = 4;
 /// Most triangles of a leaf: a node's leaves name theirs with 8 bits.
 const MAX_IN_LEAF: usize = 2;
+const _: () = assert!(WIDTH * MAX_IN_LEAF <= 8);
 /// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
 /// ones in the background.
 pub(super) const TRIANGLES_AT_ONCE: usize = 4096;
