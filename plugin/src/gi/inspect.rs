@@ -54,14 +54,17 @@ pub const STRUCT_BYTES: [(&str, u64); 19] = [
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 20] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 23] = [
     ("texels/texels.wgsl", "TILE", TILE as u64),
     ("vpl/vpl.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
     ("vpl/tile_visibility.wgsl", "GROUP_ROWS", vpl::TILE_GROUP[1] as u64),
     ("vpl/tile_visibility.wgsl", "POINTS", vpl::TILE_POINTS as u64),
-    ("vpl/weigh.wgsl", "GROUP_TEXELS", vpl::WEIGH_GROUP[0] as u64),
+    ("vpl/weigh.wgsl", "MANY", vpl::MANY as u64),
+    ("vpl/weigh.wgsl", "BLOCK", vpl::BLOCK as u64),
+    ("vpl/weigh.wgsl", "GROUP_COLUMNS", vpl::WEIGH_GROUP[0] as u64),
     ("vpl/weigh.wgsl", "GROUP_ROWS", vpl::WEIGH_GROUP[1] as u64),
+    ("vpl/sample.wgsl", "CHUNK", vpl::CHUNK as u64),
     ("trace/trace.wgsl", "STACK", trace::MAX_LEVELS as u64),
     ("sky/sky.wgsl", "SKY_STRATA", sky::STRATA as u64),
     ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),

@@ -103,7 +103,7 @@ fn sample(
         ShaderStages::COMPUTE,
         (read(), read(), write(), write(), write(), read()),
     );
-    let kernels = ["accumulate_rows", "accumulate_maps", "sample_vpls"]
+    let kernels = ["accumulate_rows", "sample_vpls"]
         .map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
     let row_count = texels.len() as u32 / length;
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
@@ -117,7 +117,7 @@ fn sample(
         gpu::bytes(&words),
         gpu::row_table(row_count, length),
         gpu::bytes(&weights),
-        zeros(row_count as usize),
+        zeros((row_count + row_count.div_ceil(64)) as usize),
         zeros(count * 12),
         // One set of all VPLs.
         plan_bytes(count as u32),
@@ -125,8 +125,7 @@ fn sample(
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
     let bindings = BindGroupEntries::sequential((a, b, c, d, e, f));
-    for (kernel, groups) in
-        kernels.iter().zip([row_count.div_ceil(64), 1, count.div_ceil(64) as u32])
+    for (kernel, groups) in kernels.iter().zip([row_count.div_ceil(64), count.div_ceil(64) as u32])
     {
         kernel.run(stage, &bindings, (groups, 1));
     }

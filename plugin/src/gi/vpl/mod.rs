@@ -19,7 +19,9 @@ use super::schedule::PassSystems;
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use passes::{SampleInputs, TILE_GROUP, TILE_POINTS, VplKernels, WEIGH_GROUP};
+pub(super) use passes::{
+    BLOCK, CHUNK, MANY, SampleInputs, TILE_GROUP, TILE_POINTS, VplKernels, WEIGH_GROUP,
+};
 pub(super) use view::{
     IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan,
     VplView, prepare,

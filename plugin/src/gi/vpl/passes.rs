@@ -14,11 +14,17 @@ use crate::gi::compute::{CameraInputs, Kernel, definitions, read, write};
 use crate::gi::texels::TILE;
 use crate::gi::trace::OccluderBuffers;
 
-/// Tiles and rows of a workgroup of `tile_visibility.wgsl`, texels and rows of one of `weigh.wgsl`.
+/// Tiles and rows of a workgroup of `tile_visibility.wgsl`.
 pub(in crate::gi) const TILE_GROUP: [u32; 2] = [2, 16];
 /// Importance points of a thread of `tile_visibility.wgsl`.
 pub(in crate::gi) const TILE_POINTS: u32 = 4;
+/// Blocks of texels of a workgroup of `weigh.wgsl`.
 pub(in crate::gi) const WEIGH_GROUP: [u32; 2] = [16, 4];
+/// Texels above which a block has more than one, and its side then.
+pub(in crate::gi) const MANY: u32 = 65_536;
+pub(in crate::gi) const BLOCK: u32 = 4;
+/// Rows that a workgroup of `sample.wgsl` adds up.
+pub(in crate::gi) const CHUNK: u32 = 64;
 
 #[derive(Resource)]
 pub(in crate::gi) struct VplKernels {
@@ -27,7 +33,6 @@ pub(in crate::gi) struct VplKernels {
     weigh_texels: Kernel,
     trace_tiles: Kernel,
     accumulate_rows: Kernel,
-    accumulate_maps: Kernel,
     sample: Kernel,
 }
 
@@ -68,7 +73,6 @@ impl FromWorld for VplKernels {
                 .with_group(OccluderBuffers::layout())
                 .queued(cache, [vec![]]),
             accumulate_rows: sample("accumulate_rows").queued(cache, [vec![]]),
-            accumulate_maps: sample("accumulate_maps").queued(cache, [vec![]]),
             sample: sample("sample_vpls").queued(cache, variants()),
         }
     }
@@ -94,7 +98,6 @@ pub(in crate::gi) struct SamplingPasses<'a> {
     find_defensive_term: &'a ComputePipeline,
     weigh_texels: &'a ComputePipeline,
     accumulate_rows: &'a ComputePipeline,
-    accumulate_maps: &'a ComputePipeline,
     sample: &'a ComputePipeline,
     tracing: BindGroup,
     /// Of the weights, and of the pass before them, which picks importance points.
@@ -146,7 +149,6 @@ impl VplKernels {
             find_defensive_term: self.find_defensive_term.get(cache, &variant)?,
             weigh_texels: self.weigh_texels.get(cache, &variant)?,
             accumulate_rows: self.accumulate_rows.get(cache, &[])?,
-            accumulate_maps: self.accumulate_maps.get(cache, &[])?,
             sample: self.sample.get(cache, &variant)?,
             tracing: self.trace_tiles.bind(context, cache, &tracing),
             weighing: self.weigh_texels.bind(context, cache, &weighing),
@@ -177,9 +179,11 @@ impl SamplingPasses<'_> {
         pass.set_pipeline(self.find_defensive_term);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(self.weigh_texels);
+        let SamplingBuffers { longest_row, texel_cdf, .. } = &self.inputs.buffers;
+        let side = if texel_cdf.size() / 4 > u64::from(MANY) { BLOCK } else { 1 };
         pass.dispatch_workgroups(
-            self.inputs.buffers.longest_row.div_ceil(WEIGH_GROUP[0]),
-            self.rows().div_ceil(WEIGH_GROUP[1]),
+            longest_row.div_ceil(side * WEIGH_GROUP[0]),
+            self.rows().div_ceil(side * WEIGH_GROUP[1]),
             1,
         );
     }
@@ -188,9 +192,7 @@ impl SamplingPasses<'_> {
     pub(crate) fn sample(&self, pass: &mut ComputePass) {
         pass.set_bind_group(0, &self.sampling, &[]);
         pass.set_pipeline(self.accumulate_rows);
-        pass.dispatch_workgroups(self.rows().div_ceil(64), 1, 1);
-        pass.set_pipeline(self.accumulate_maps);
-        pass.dispatch_workgroups(1, 1, 1);
+        pass.dispatch_workgroups(self.rows().div_ceil(CHUNK), 1, 1);
         self.sample_again(pass);
     }
 

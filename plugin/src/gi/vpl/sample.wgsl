@@ -16,6 +16,7 @@
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
 /// Weights; after the first pass, their cumulative sums along each row.
 @group(0) @binding(2) var<storage, read_write> texel_cdf: array<f32>;
+/// Cumulative sums of rows within chunks of them; behind them the chunks' sums.
 @group(0) @binding(3) var<storage, read_write> row_cdf: array<f32>;
 @group(0) @binding(4) var<storage, read_write> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read> plan: Plan;
@@ -24,56 +25,82 @@
 @group(0) @binding(7) var<storage, read> occluded_tiles: array<u32>;
 #endif
 
-/// Replaces the weights of each row by their cumulative sums, and writes the row's sum to
-/// `row_cdf`; one thread per row.
-@compute @workgroup_size(64)
-fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= arrayLength(&row_cdf) {
-        return;
-    }
-    let row = rows[id.x];
+/// Rows that are added up together.
+const CHUNK: u32 = 64u;
+var<workgroup> sums: array<f32, CHUNK>;
+
+/// Replaces the weights of each row by their cumulative sums; one thread per row.
+@compute @workgroup_size(CHUNK)
+fn accumulate_rows(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(workgroup_id) chunk: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let count = arrayLength(&rows);
+    let row = rows[min(id.x, count - 1u)];
+    let length = select(0u, row.length, id.x < count);
     var sum = 0.0;
-    for (var column = 0u; column < row.length; column++) {
+    for (var column = 0u; column < length; column++) {
         sum += texel_cdf[row.first_weight + column];
         texel_cdf[row.first_weight + column] = sum;
     }
-    row_cdf[id.x] = sum;
+    sums[lane] = sum;
+    workgroupBarrier();
+    for (var i = 0u; i < lane; i++) {
+        sum += sums[i];
+    }
+    if id.x < count {
+        row_cdf[id.x] = sum;
+    }
+    if lane == CHUNK - 1u {
+        row_cdf[count + chunk.x] = sum;
+    }
 }
 
-const LANES: u32 = 64u;
-var<workgroup> lane_sums: array<f32, LANES>;
+/// Chunks that a thread adds up.
+fn chunks_of_a_lane() -> u32 {
+    return (arrayLength(&row_cdf) - arrayLength(&rows) + CHUNK - 1u) / CHUNK;
+}
 
-/// Replaces the sums of all rows of the camera's maps by their cumulative sums, in one workgroup:
-/// each lane sums a run of rows, then adds the sums of the lanes before it.
-@compute @workgroup_size(64)
-fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
-    let count = arrayLength(&row_cdf);
-    let run = (count + LANES - 1u) / LANES;
-    let first = min(lane * run, count);
-    let end = min(first + run, count);
+/// Makes `sums` those of all chunks up to a lane's last.
+fn add_up_chunks(lane: u32) {
+    let first = arrayLength(&rows) + lane * chunks_of_a_lane();
+    let end = min(first + chunks_of_a_lane(), arrayLength(&row_cdf));
     var sum = 0.0;
     for (var i = first; i < end; i++) {
         sum += row_cdf[i];
     }
-    lane_sums[lane] = sum;
+    sums[lane] = sum;
     workgroupBarrier();
-    var before = 0.0;
     for (var i = 0u; i < lane; i++) {
-        before += lane_sums[i];
+        sum += sums[i];
     }
-    for (var i = first; i < end; i++) {
-        before += row_cdf[i];
-        row_cdf[i] = before;
-    }
+    workgroupBarrier();
+    sums[lane] = sum;
+    workgroupBarrier();
 }
 
-/// First index of `row_cdf` whose value exceeds `threshold`, or the last index.
+/// First row up to which the sum exceeds `threshold`. Rounding may end a search at a last row, of any
+/// weight.
 fn find_row(threshold: f32) -> u32 {
-    var low = 0u;
-    var high = arrayLength(&row_cdf) - 1u;
+    var lane = 0u;
+    while lane < CHUNK - 1u && sums[lane] <= threshold {
+        lane++;
+    }
+    var left = threshold - select(0.0, sums[max(lane, 1u) - 1u], lane > 0u);
+    let count = arrayLength(&rows);
+    let chunks = arrayLength(&row_cdf) - count;
+    var chunk = min(lane * chunks_of_a_lane(), chunks - 1u);
+    let last = min(chunk + chunks_of_a_lane(), chunks) - 1u;
+    while chunk < last && row_cdf[count + chunk] <= left {
+        left -= row_cdf[count + chunk];
+        chunk++;
+    }
+    var low = chunk * CHUNK;
+    var high = min(low + CHUNK, count) - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if row_cdf[middle] > threshold {
+        if row_cdf[middle] > left {
             high = middle;
         } else {
             low = middle + 1u;
@@ -115,14 +142,15 @@ fn visibility_of(tile: u32, position: vec3<f32>, normal: vec3<f32>) -> f32 {
 }
 #endif
 
-@compute @workgroup_size(64)
-fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
+@compute @workgroup_size(CHUNK)
+fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    add_up_chunks(lane);
     if id.x >= plan.sets * plan.per_set {
         return;
     }
     let which = id.x / plan.per_set;
     let member = id.x % plan.per_set;
-    let total = row_cdf[arrayLength(&row_cdf) - 1u];
+    let total = sums[CHUNK - 1u];
     let count = f32(plan.per_set);
     let shift = f32(plan.sequence) * vec2(0.7548777, 0.5698403);
     let along_rows = (f32(member) + fract((f32(which) + 0.5) / f32(plan.sets) + shift.x)) / count;

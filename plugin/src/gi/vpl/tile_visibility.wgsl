@@ -27,11 +27,15 @@ const TRIES: u32 = 4u;
 const GROUP_TILES: u32 = 2u;
 const GROUP_ROWS: u32 = 16u;
 
-/// Most importance points of a thread: a ray takes long.
+/// Most rays of a thread: a ray takes long.
 const POINTS: u32 = 4u;
 
-/// Threads for each row and tile's width of it. The rows of a tile divide the importance points among
-/// them, and so do a row's threads along z.
+/// Tiles above which neighbouring importance points share a ray, and how many then.
+const MANY: u32 = 1280u;
+const SHARING: u32 = 4u;
+
+/// Threads for each row and tile's width of it. The rows of a tile divide the rays among them, and so do
+/// a row's threads along z.
 @compute @workgroup_size(GROUP_TILES, GROUP_ROWS)
 fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     begin_trace(thread);
@@ -45,9 +49,12 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invo
     }
     let width = min(row.length - first, TILE);
     var found = 0u;
-    let first_point = row.row_in_tile + id.z * POINTS * row.tile_rows;
-    let end = min(first_point + POINTS * row.tile_rows, IMPORTANCE_POINTS);
-    for (var i = first_point; i < end; i += row.tile_rows) {
+    let sharing = select(1u, SHARING, arrayLength(&occluded_tiles) > MANY);
+    let first_ray = row.row_in_tile + id.z * POINTS * row.tile_rows;
+    let end = min(first_ray + POINTS * row.tile_rows, IMPORTANCE_POINTS / sharing);
+    for (var ray = first_ray; ray < end; ray += row.tile_rows) {
+        // Another of those that share it for each tile.
+        let i = ray * sharing + (row.first_tile + id.x) % sharing;
         let point = importance.points[i];
         for (var j = 0u; j < TRIES; j++) {
             // Any four columns, different ones for each importance point.
@@ -60,7 +67,8 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invo
                 if importance_of(point, texel.position, normal) > 0.0 {
                     let start = point.position + point.normal * offset_at(point.position, point.pixel_width);
                     let target_point = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
-                    found |= select(0u, 1u << i, is_occluded(start, target_point));
+                    let all = ((1u << sharing) - 1u) << (ray * sharing);
+                    found |= select(0u, all, is_occluded(start, target_point));
                 }
                 break;
             }

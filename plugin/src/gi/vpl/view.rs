@@ -7,6 +7,7 @@ use bevy::render::render_resource::{Buffer, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bytemuck::{Pod, Zeroable};
 
+use super::passes::CHUNK;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
 use crate::gi::settings::{FrugalGi, GiInterleave};
 use crate::gi::texels::{TexelRow, same_layout};
@@ -147,7 +148,7 @@ pub(in crate::gi) struct SamplingBuffers {
     pub occluded_tiles: Buffer,
     /// Each texel's weight for this camera, then the weights' cumulative sums along each row.
     pub texel_cdf: Buffer,
-    /// Cumulative sums of rows.
+    /// Cumulative sums of rows within chunks, then each chunk's sum.
     pub row_cdf: Buffer,
 }
 
@@ -170,7 +171,10 @@ impl SamplingBuffers {
                 rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4,
             ),
             texel_cdf: empty("frugal_gi/vpl/texel_cdf", texels * 4),
-            row_cdf: empty("frugal_gi/vpl/row_cdf", rows.len() as u64 * 4),
+            row_cdf: empty(
+                "frugal_gi/vpl/row_cdf",
+                (rows.len() + rows.len().div_ceil(CHUNK as usize)) as u64 * 4,
+            ),
             longest_row: rows.iter().map(|row| row.length).max().unwrap_or(0),
             rows,
         }

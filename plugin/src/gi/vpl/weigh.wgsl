@@ -100,23 +100,38 @@ fn find_defensive_term(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-/// Texels and rows of a workgroup.
-const GROUP_TEXELS: u32 = 16u;
+/// Blocks of texels of a workgroup, along rows and across them.
+const GROUP_COLUMNS: u32 = 16u;
 const GROUP_ROWS: u32 = 4u;
 
-/// One thread per texel of the camera's maps.
-@compute @workgroup_size(GROUP_TEXELS, GROUP_ROWS)
+/// Texels above which neighbours share an importance, and side of the block in which they do.
+const MANY: u32 = 65536u;
+const BLOCK: u32 = 4u;
+
+/// One thread per block of texels of the camera's maps: a single one where there are not many. In a larger
+/// block a texel has the importance of one before, where both lie close and face alike.
+@compute @workgroup_size(GROUP_COLUMNS, GROUP_ROWS)
 fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.y >= arrayLength(&rows) {
-        return;
+    let side = select(1u, BLOCK, arrayLength(&weights) > MANY);
+    var weighed: Texel;
+    var own = 0.0;
+    for (var number = id.y * side; number < min((id.y + 1u) * side, arrayLength(&rows)); number++) {
+        let row = rows[number];
+        for (var column = id.x * side; column < min((id.x + 1u) * side, row.length); column++) {
+            let texel = texels[row.first_texel + column];
+            // Clamped so that a sum over all texels stays finite, whatever the flux.
+            let luminance = texel_luminance(texel) * row.share;
+            var weight = 0.0;
+            if luminance > 0.0 && !is_cut(row, column) {
+                let step = texel.position - weighed.position;
+                let near = dot(step, step) < f32(BLOCK * BLOCK) * min(texel.area, weighed.area);
+                if !(near && dot(texel_normal(texel), texel_normal(weighed)) > 0.95) {
+                    weighed = texel;
+                    own = texel_importance(row, column, texel);
+                }
+                weight = clamp(luminance * (own + importance.defensive_term), 1e-36, 1e30);
+            }
+            weights[row.first_weight + column] = weight;
+        }
     }
-    let row = rows[id.y];
-    if id.x >= row.length {
-        return;
-    }
-    let texel = texels[row.first_texel + id.x];
-    // Clamped so that a sum over all texels stays finite, whatever the flux.
-    let luminance = texel_luminance(texel) * row.share;
-    let weight = clamp(luminance * (texel_importance(row, id.x, texel) + importance.defensive_term), 1e-36, 1e30);
-    weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0 && !is_cut(row, id.x));
 }

@@ -21,7 +21,8 @@ use super::{Random, stage};
 tests!(
     texels_hold_the_flux_of_any_punctual_light,
     texels_hold_the_flux_of_any_sun,
-    weights_follow_importance_at_any_scale
+    weights_follow_importance_at_any_scale,
+    close_texels_share_an_importance_where_there_are_many
 );
 
 const SIZE: [u32; 2] = [8, 8];
@@ -281,8 +282,13 @@ fn texels_hold_the_flux_of_any_sun() {
 const ROWS: u32 = 12;
 const LENGTH: u32 = 80;
 
-/// Runs the three passes of `weigh.wgsl` over maps of equally long rows.
-fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) -> Vec<f32> {
+/// Runs the three passes of `weigh.wgsl` over maps of rows of `length`. A thread weighs a block of `side`.
+fn weigh(
+    stage: &mut Stage,
+    (pixels, plane): (&Pixels, &Plane),
+    texels: &[Point],
+    (length, side): (u32, u32),
+) -> Vec<f32> {
     let (read, write) =
         (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
     let layout = BindGroupLayoutEntries::sequential(
@@ -301,9 +307,10 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
     let kernels = ["pick_importance_points", "find_defensive_term", "weigh_texels"]
         .map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
+    let rows = texels.len() as u32 / length;
     let contents = [
         gpu::bytes(&words),
-        gpu::row_table(ROWS, LENGTH),
+        gpu::row_table(rows, length),
         gpu::bytes(&[0.0; 4 + 32 * 8]),
         gpu::bytes(&vec![0.0; texels.len()]),
         vec![0; 4],
@@ -322,7 +329,7 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
         e,
     ));
     for (kernel, groups) in
-        kernels.iter().zip([(1, 1), (1, 1), (LENGTH.div_ceil(16), ROWS.div_ceil(4))])
+        kernels.iter().zip([(1, 1), (1, 1), (length.div_ceil(16 * side), rows.div_ceil(4 * side))])
     {
         kernel.run(stage, &bindings, groups);
     }
@@ -331,7 +338,8 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
 
 /// CPU reference: the light of each texel at 32 importance points in a staggered grid, plus a
 /// defensive-sampling term of a quarter of its mean.
-fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
+fn weights(plane: &Plane, normal: DVec3, texels: &[Point], length: u32) -> Vec<f64> {
+    let rows = texels.len() as u32 / length;
     let importance_points: Vec<(DVec3, f64)> = (0..32u32)
         .map(|index| {
             let (column, row) = (f64::from(index % 8), f64::from(index / 8));
@@ -355,8 +363,8 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     let (mut flux, mut light) = (0.0, 0.0);
     for index in 0..1024u32 {
         // The shader's sequence, in its precision.
-        let column = (((index as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
-        let texel = &texels[(index * ROWS / 1024 * LENGTH + column) as usize];
+        let column = (((index as f32 * 0.618_034).fract() * length as f32) as u32).min(length - 1);
+        let texel = &texels[(index * rows / 1024 * length + column) as usize];
         flux += texel.luminance();
         light += texel.luminance() * received(texel);
     }
@@ -402,8 +410,8 @@ fn weights_follow_importance_at_any_scale() {
             }
         };
         let texels: Vec<Point> = (0..ROWS * LENGTH).map(texel).collect();
-        let found = weigh(&mut stage, &pixels, &plane, &texels);
-        let expected = weights(&plane, normal, &texels);
+        let found = weigh(&mut stage, (&pixels, &plane), &texels, (LENGTH, 1));
+        let expected = weights(&plane, normal, &texels, LENGTH);
         let mut worst = 0.0f64;
         for (index, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert!(found.is_finite(), "{label}, texel {index}: {found}");
@@ -420,4 +428,45 @@ fn weights_follow_importance_at_any_scale() {
         // 32-bit floats, and cosines that cancel.
         assert!(worst < 1e-3, "{label}: {worst}");
     }
+}
+
+fn close_texels_share_an_importance_where_there_are_many() {
+    let mut stage = stage();
+    let (packed, normal) = g_buffer_normal(Vec3::Y);
+    let pixels = Pixels::new(&stage, SIZE, &[packed; 64]);
+    let plane = Plane { eye: Vec3::new(0.5, 1.0, 1.0) * 4.0, ..Plane::ORIGIN };
+    // One more than 65,536, in a ceiling that rises in every `steps`-th column.
+    let (length, rows) = (256, 260);
+    let mut worst = |steps: Option<u32>| {
+        let texel = |index: u32| {
+            let (row, column) = (index / length, index % length);
+            let height = if steps.is_some_and(|steps| column % steps == 0) { 2.5 } else { 1.5 };
+            let across = |place: u32, count: u32| 4.0 * place as f32 / count as f32 - 2.0;
+            Point {
+                position: [across(column, length), height, across(row, rows)],
+                normal: [0.0, -1.0, 0.0],
+                // Some are dark.
+                flux: [if steps.is_none() && index.is_multiple_of(11) { 0.0 } else { 1.0 }; 3],
+                extent: (4.0 / 256.0) * (4.0 / 260.0),
+            }
+        };
+        let texels: Vec<Point> = (0..rows * length).map(texel).collect();
+        let found = weigh(&mut stage, (&pixels, &plane), &texels, (length, 4));
+        let expected = weights(&plane, normal, &texels, length);
+        let off = found.iter().zip(&expected).filter(|(_, expected)| **expected > 0.0);
+        let off = off.map(|(found, expected)| (f64::from(*found) / expected - 1.0).abs());
+        assert!(
+            found
+                .iter()
+                .zip(&expected)
+                .all(|(found, expected)| (*found > 0.0) == (*expected > 0.0))
+        );
+        off.fold(0.0, f64::max)
+    };
+    let (flat, alternating, stepped) = (worst(None), worst(Some(2)), worst(Some(8)));
+    println!("    off by at most {flat:.1e}, {alternating:.1e}, {stepped:.1e}");
+    // A block is 6 cm wide, and 1.5 m away.
+    assert!(flat > 1e-3 && flat < 0.05, "{flat}");
+    assert!(alternating < 1e-3, "each neighbour lies elsewhere: {alternating}");
+    assert!(stepped > 1e-3 && stepped < 0.05, "{stepped}");
 }
