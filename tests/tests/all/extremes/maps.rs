@@ -435,7 +435,7 @@ fn close_texels_share_an_importance_where_there_are_many() {
     let (packed, normal) = g_buffer_normal(Vec3::Y);
     let pixels = Pixels::new(&stage, SIZE, &[packed; 64]);
     let plane = Plane { eye: Vec3::new(0.5, 1.0, 1.0) * 4.0, ..Plane::ORIGIN };
-    // One more than 65,536, in a ceiling that rises in every `steps`-th column.
+    // More than 65,536, in a ceiling that rises in every `steps`-th column.
     let (length, rows) = (256, 260);
     let mut worst = |steps: Option<u32>| {
         let texel = |index: u32| {
