@@ -29,6 +29,17 @@
 const CHUNK: u32 = 64u;
 var<workgroup> sums: array<f32, CHUNK>;
 
+/// A lane's sum and those of the lanes before it.
+fn add_up_lanes(lane: u32, own: f32) -> f32 {
+    sums[lane] = own;
+    workgroupBarrier();
+    var sum = own;
+    for (var i = 0u; i < lane; i++) {
+        sum += sums[i];
+    }
+    return sum;
+}
+
 /// Replaces the weights of each row by their cumulative sums; one thread per row.
 @compute @workgroup_size(CHUNK)
 fn accumulate_rows(
@@ -44,16 +55,12 @@ fn accumulate_rows(
         sum += texel_cdf[row.first_weight + column];
         texel_cdf[row.first_weight + column] = sum;
     }
-    sums[lane] = sum;
-    workgroupBarrier();
-    for (var i = 0u; i < lane; i++) {
-        sum += sums[i];
-    }
+    let up_to_row = add_up_lanes(lane, sum);
     if id.x < count {
-        row_cdf[id.x] = sum;
+        row_cdf[id.x] = up_to_row;
     }
     if lane == CHUNK - 1u {
-        row_cdf[count + chunk.x] = sum;
+        row_cdf[count + chunk.x] = up_to_row;
     }
 }
 
@@ -70,13 +77,9 @@ fn add_up_chunks(lane: u32) {
     for (var i = first; i < end; i++) {
         sum += row_cdf[i];
     }
-    sums[lane] = sum;
+    let up_to_lane = add_up_lanes(lane, sum);
     workgroupBarrier();
-    for (var i = 0u; i < lane; i++) {
-        sum += sums[i];
-    }
-    workgroupBarrier();
-    sums[lane] = sum;
+    sums[lane] = up_to_lane;
     workgroupBarrier();
 }
 

@@ -113,6 +113,7 @@ const BLOCK: u32 = 4u;
 @compute @workgroup_size(GROUP_COLUMNS, GROUP_ROWS)
 fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
     let side = select(1u, BLOCK, arrayLength(&weights) > MANY);
+    // Its area is 0, so that the first texel shares nothing.
     var weighed: Texel;
     var own = 0.0;
     for (var number = id.y * side; number < min((id.y + 1u) * side, arrayLength(&rows)); number++) {
