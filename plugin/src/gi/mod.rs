@@ -205,7 +205,7 @@ fn add_preparation(render_app: &mut SubApp) {
             bounces::prepare,
             camera::prepare,
             vpl::prepare,
-            (gather::prepare, sky::prepare_sequences),
+            gather::prepare,
             cache::prepare,
             forward::prepare,
             fog::prepare,

@@ -244,7 +244,7 @@ pub(super) fn reflect(
     let entries = match sky {
         Some(sky) => entries.extend_sequential((
             sky.samples.as_entire_binding(),
-            sky.plan_buffer.as_entire_binding(),
+            vpl_view.plan_buffer.as_entire_binding(),
         )),
         None => entries,
     };
