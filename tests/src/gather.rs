@@ -33,7 +33,6 @@ impl Gather {
                 texture_depth_2d(),
                 uniform_buffer_sized(false, None),
                 read(),
-                uniform_buffer_sized(false, None),
                 read(),
                 texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
             ),
@@ -84,7 +83,7 @@ impl Gather {
         words.resize(words.len().max(Point::VPL_WORDS), 0.0);
         let (view, vpl_buffer) =
             (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&words)));
-        let (settings, plan) = (settings(stage), plan(stage, vpls.len() as u32));
+        let plan = plan(stage, vpls.len() as u32);
         let texture = pixels.output(stage);
         let output = texture.create_view(&Default::default());
         let bindings = BindGroupEntries::sequential((
@@ -92,7 +91,6 @@ impl Gather {
             &pixels.depth,
             view.as_entire_binding(),
             vpl_buffer.as_entire_binding(),
-            settings.as_entire_binding(),
             plan.as_entire_binding(),
             &output,
         ));
@@ -110,19 +108,14 @@ impl Gather {
     }
 }
 
-/// Uniform `Gather` of the shader: full resolution, and one set of VPLs for all pixels.
-pub fn settings(stage: &Stage) -> Buffer {
-    kernel::buffer(stage, &[1, 1, 0, 0].map(u32::to_le_bytes).concat())
-}
-
-/// `Plan` of the shader: one set of `count` VPLs.
+/// `Plan` of the shader: one set of `count` VPLs for all pixels, at full resolution.
 pub fn plan(stage: &Stage, count: u32) -> Buffer {
     kernel::buffer(stage, &plan_bytes(count))
 }
 
-/// Bytes of a `Plan`: one set of `count` VPLs.
+/// Bytes of such a `Plan`.
 pub fn plan_bytes(count: u32) -> Vec<u8> {
-    [1, 1, count, 0].map(u32::to_le_bytes).concat()
+    [1, 1, count, 0, 0, 1, 1].map(u32::to_le_bytes).concat()
 }
 
 /// Exposed irradiance of one point: `gather.wgsl` in 64-bit floats, without rounding to half

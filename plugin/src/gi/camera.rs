@@ -84,7 +84,7 @@ pub(super) fn prepare(
             gi: gi.clone(),
             camera: GatherCamera::new(camera, view, size, gi.pixel_fraction),
             rows: Arc::new(rows),
-            sky_samples: sky.map_or(0, |sky| sky.plan.samples),
+            sky_samples: sky.map_or(0, |sky| sky.samples),
             // Its buffers are empty, so the period does not apply.
             work: Work::ALL,
             sequence: 0,

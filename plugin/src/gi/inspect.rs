@@ -16,12 +16,12 @@ pub use crate::gi::bounces::{GiBouncesState, GiPatches};
 use crate::gi::cache::{self, CELL_BYTES, CacheSettings, CacheView};
 pub use crate::gi::emissive::GiEmitters;
 use crate::gi::forward::{self, PLACES, PROBE_BYTES, VolumeSettings};
-use crate::gi::gather::{self, GatherSettings, GatherView};
+use crate::gi::gather::{self, GatherView};
 pub use crate::gi::rsm::RsmView;
 use crate::gi::rsm::{self, RsmLight};
 use crate::gi::schedule::{GiSystems, PassSystems};
 use crate::gi::settings::FrugalGi;
-use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
+use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyReading};
 use crate::gi::texels::{TEXEL_BYTES, TILE, TexelRow, TexelStore};
 use crate::gi::trace::{self, OccluderBuffers};
 use crate::gi::view::clip_from_world;
@@ -31,7 +31,7 @@ use crate::gi::vpl::{
 use crate::gi::{composite, denoise};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 19] = [
+pub const STRUCT_BYTES: [(&str, u64); 17] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     trace::STRUCT_BYTES[0],
@@ -41,7 +41,6 @@ pub const STRUCT_BYTES: [(&str, u64); 19] = [
     ("Patch", size_of::<Patch>() as u64),
     ("PatchLight", bounces::PATCH_LIGHT_BYTES),
     ("Plan", size_of::<VplPlan>() as u64),
-    ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<TexelRow>() as u64),
     ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
     ("Cell", CELL_BYTES),
@@ -49,7 +48,6 @@ pub const STRUCT_BYTES: [(&str, u64); 19] = [
     ("Probe", PROBE_BYTES),
     ("Volume", size_of::<VolumeSettings>() as u64),
     ("SkyLight", SKY_LIGHT_BYTES),
-    ("SkyPlan", size_of::<SkyPlan>() as u64),
     ("SkySource", size_of::<SkyReading>() as u64),
 ];
 

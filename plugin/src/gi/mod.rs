@@ -164,7 +164,7 @@ impl Plugin for GiPlugin {
         let Some(device) = render_app.world().get_resource::<RenderDevice>() else { return };
         let lacking = lacking_limits(&device.limits());
         if !lacking.is_empty() {
-            warn!("global illumination stays off: this GPU lacks {}", lacking.join(", "));
+            warn!("global illumination stays off: this GPU does not reach {}", lacking.join(", "));
             app.insert_resource(GiSupport::Lacking(lacking));
             return;
         }
@@ -205,7 +205,7 @@ fn add_preparation(render_app: &mut SubApp) {
             bounces::prepare,
             camera::prepare,
             vpl::prepare,
-            (gather::prepare, sky::prepare_sequences),
+            gather::prepare,
             cache::prepare,
             forward::prepare,
             fog::prepare,
@@ -220,21 +220,10 @@ fn add_preparation(render_app: &mut SubApp) {
 
 /// Names of the limits that GI needs and that the device does not reach.
 fn lacking_limits(limits: &WgpuLimits) -> Vec<&'static str> {
-    let needed = GiPlugin::required_limits();
-    let named: [(fn(&WgpuLimits) -> u64, &str); 4] = [
-        (|limits| limits.max_compute_invocations_per_workgroup.into(), "compute workgroups of 64"),
-        (
-            |limits| limits.max_storage_buffers_per_shader_stage.into(),
-            "8 storage buffers per stage",
-        ),
-        (
-            |limits| limits.max_storage_textures_per_shader_stage.into(),
-            "2 storage textures per stage",
-        ),
-        (|limits| limits.max_uniform_buffer_binding_size, "uniform buffers of 48 KiB"),
-    ];
-    let lacking = named.into_iter().filter(|(limit, _)| limit(limits) < limit(&needed));
-    lacking.map(|(_, name)| name).collect()
+    let mut lacking = Vec::new();
+    GiPlugin::required_limits()
+        .check_limits_with_fail_fn(limits, false, |name, _, _| lacking.push(name));
+    lacking
 }
 
 /// Keeps Bevy 0.19.1 from drawing deferred alpha-masked meshes twice.
@@ -275,26 +264,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lacking_limit_is_named_with_what_is_needed() {
+    fn lacking_limits_are_named() {
         let needed = GiPlugin::required_limits();
-        let none = WgpuLimits {
-            max_compute_invocations_per_workgroup: 0,
-            max_storage_buffers_per_shader_stage: 0,
-            max_storage_textures_per_shader_stage: 0,
-            max_uniform_buffer_binding_size: 0,
-            ..WgpuLimits::default()
-        };
-        let numbers: [u64; 4] = [
-            needed.max_compute_invocations_per_workgroup.into(),
-            needed.max_storage_buffers_per_shader_stage.into(),
-            needed.max_storage_textures_per_shader_stage.into(),
-            needed.max_uniform_buffer_binding_size / 1024,
-        ];
-        let named = lacking_limits(&none);
-        assert_eq!(named.len(), numbers.len());
-        for (name, number) in named.iter().zip(numbers.map(|number| number.to_string())) {
-            assert!(name.split(' ').any(|word| word == number), "{name}: {number}");
-        }
         assert!(lacking_limits(&needed).is_empty());
+        let less = WgpuLimits {
+            max_storage_buffers_per_shader_stage: needed.max_storage_buffers_per_shader_stage - 1,
+            max_uniform_buffer_binding_size: needed.max_uniform_buffer_binding_size - 1,
+            ..needed
+        };
+        assert_eq!(
+            lacking_limits(&less),
+            ["max_storage_buffers_per_shader_stage", "max_uniform_buffer_binding_size"]
+        );
     }
 }

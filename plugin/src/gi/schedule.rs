@@ -137,8 +137,9 @@ pub enum GiSupport {
     NoRenderer,
     /// The device supports it.
     Full,
-    /// The device does not: these limits are too low. Global illumination stays off, and the app
-    /// keeps Bevy's own light.
+    /// The device does not: it falls short of these
+    /// [required limits](super::GiPlugin::required_limits). Global illumination stays off, and the
+    /// app keeps Bevy's own light.
     Lacking(Vec<&'static str>),
 }
 

@@ -8,10 +8,9 @@ tests!(
     constants_are_those_of_the_plugin
 );
 
-const SHADERS: [&str; 10] = [
+const SHADERS: [&str; 9] = [
     include_str!("../../../plugin/src/gi/texels/texels.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
-    include_str!("../../../plugin/src/gi/gather/gather.wgsl"),
     include_str!("../../../plugin/src/gi/cache/table.wgsl"),
     include_str!("../../../plugin/src/gi/forward/probe.wgsl"),
     include_str!("../../../plugin/src/gi/trace/trace.wgsl"),

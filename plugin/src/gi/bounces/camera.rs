@@ -23,7 +23,7 @@ use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
 /// The bounce VPLs of the first round: every patch evaluates all of them.
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
-    VplPlan { interleave: 1, sets: 1, per_set: 1024, sequence: 0 };
+    VplPlan { interleave: 1, sets: 1, per_set: 1024, sky_samples: 0, sequence: 0, cell: [1; 2] };
 
 /// Bytes of `bounces/reflect.wgsl`'s `PatchLight`. A test compares it with the shader.
 pub(in crate::gi) const PATCH_LIGHT_BYTES: u64 = 48;

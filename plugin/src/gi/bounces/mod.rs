@@ -25,7 +25,7 @@ mod points;
 
 use std::sync::atomic::Ordering;
 
-use bevy::asset::{AssetEventSystems, embedded_asset, load_embedded_asset};
+use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
@@ -63,10 +63,9 @@ pub(super) fn build(app: &mut App) {
         .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
         .add_systems(
             PostUpdate,
-            // Reads final transforms, visibility and this frame's asset events.
+            // Reads final transforms and visibility.
             patches::update
                 .in_set(SceneSystems::Surfaces)
-                .after(AssetEventSystems)
                 .after(TransformSystems::Propagate)
                 .after(VisibilitySystems::VisibilityPropagate),
         );
@@ -245,7 +244,7 @@ pub(super) fn reflect(
     let entries = match sky {
         Some(sky) => entries.extend_sequential((
             sky.samples.as_entire_binding(),
-            sky.plan_buffer.as_entire_binding(),
+            vpl_view.plan_buffer.as_entire_binding(),
         )),
         None => entries,
     };

@@ -13,7 +13,7 @@ use super::chosen::{Chosen, Places};
 use super::points::{POINTS, PatchInstance, PatchKey, PatchPoints, refine};
 use crate::cut::{CameraCut, Jumps};
 use crate::gi::surfaces::{
-    MeshChanges, Reflectance, SurfaceAssets, SurfaceChange, SurfaceEvents, SurfaceMesh, SurfaceSet,
+    MeshChanges, Reflectance, SurfaceAssets, SurfaceChange, SurfaceMesh, SurfaceSet,
 };
 use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
 
@@ -114,7 +114,6 @@ impl Numbers {
 pub(super) fn update(
     mut surfaces: ResMut<Surfaces>,
     mut patches: ResMut<GiPatches>,
-    mut events: SurfaceEvents,
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     cameras: Query<(
@@ -131,7 +130,7 @@ pub(super) fn update(
 ) {
     let Surfaces { points: surfaces, focuses: before, numbers, numbered, importances, chosen } =
         &mut *surfaces;
-    surfaces.cache.read(&mut events);
+    surfaces.cache.read(&changes);
     let mut focuses: Vec<PatchFocus> = cameras
         .iter()
         .filter(|(_, camera, gi, _, has_map, _)| {

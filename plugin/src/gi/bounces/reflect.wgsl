@@ -20,7 +20,8 @@
 }
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
 #ifdef SKY
-#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight}
+#import bevy_frugal_gi::gi::vpl::vpl::Plan
 #endif
 
 struct Patch {
@@ -67,7 +68,7 @@ struct PatchLight {
 @group(0) @binding(3) var<storage, read_write> light: array<PatchLight>;
 #ifdef SKY
 @group(0) @binding(4) var<storage, read> sky_samples: array<SkyLight>;
-@group(0) @binding(5) var<storage, read> sky_plan: SkyPlan;
+@group(0) @binding(5) var<storage, read> plan: Plan;
 #endif
 // To make VPLs of patches, and to sum up.
 @group(0) @binding(1) var<storage, read_write> emitters: array<Vpl>;
@@ -170,9 +171,9 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
         }
 #ifdef SKY
         if which < SKY_RAYS {
-            let first_sample = (index % sky_plan.sets) * SKY_STRIDE;
+            let first_sample = (index % plan.sets) * SKY_STRIDE;
             stratum = empty_stratum(fract(noise + f32(which) / f32(SKY_RAYS)));
-            for (var i = first_sample + which; i < first_sample + sky_plan.samples; i += SKY_RAYS) {
+            for (var i = first_sample + which; i < first_sample + plan.sky_samples; i += SKY_RAYS) {
                 stratum = update_stratum(stratum, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
             }
             if stratum.total > 0.0 {

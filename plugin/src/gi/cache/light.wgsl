@@ -30,7 +30,7 @@
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 // To light samples.
-@group(0) @binding(4) var chosen: texture_2d<u32>;
+@group(0) @binding(5) var chosen: texture_2d<u32>;
 @group(0) @binding(6) var lit: texture_storage_2d<rgba32float, write>;
 // To store them.
 @group(0) @binding(6) var records: texture_2d<u32>;

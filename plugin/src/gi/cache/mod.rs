@@ -95,9 +95,9 @@ impl FromWorld for CacheKernels {
         };
         let without_sky = BindGroupLayoutEntries::sequential(
             compute,
-            (g_buffer, depth, view, read(), records, read(), target(TextureFormat::Rgba32Float)),
+            (g_buffer, depth, view, read(), read(), records, target(TextureFormat::Rgba32Float)),
         );
-        let sky = BindGroupLayoutEntries::with_indices(compute, ((7, read()), (8, read())));
+        let sky = BindGroupLayoutEntries::with_indices(compute, ((7, read()),));
         let with_sky = [&*without_sky, &*sky].concat();
         let sampled = BindGroupLayoutEntries::with_indices(compute, ((6, records), (7, light)));
         let place = and_target(TextureFormat::Rg32Uint);
@@ -211,13 +211,12 @@ pub(super) fn resolve(
         camera.depth,
         camera.views.clone(),
         vpl.vpls.as_entire_binding(),
-        &cache.records.default_view,
         vpl.plan_buffer.as_entire_binding(),
+        &cache.records.default_view,
         &cache.light.default_view,
     ));
-    if let Some(SkyCamera { samples, plan_buffer: plan, .. }) = sky {
-        let sky = (samples.as_entire_binding(), plan.as_entire_binding());
-        lighting = lighting.extend_sequential(sky);
+    if let Some(sky) = sky {
+        lighting = lighting.extend_with_indices(((7, sky.samples.as_entire_binding()),));
     }
     let lighting = light.bind(&context, &pipelines, &lighting);
     let storing =

@@ -16,11 +16,12 @@ use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::ShaderDefVal;
 
-use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with};
-use super::gather::{GatherSettings, GatherView};
+use super::compute::{CameraInputs, Kernel, compute_pass, definitions, drop_with, read};
+use super::gather::GatherView;
 use super::schedule::PassSystems;
 use super::settings::FrugalGi;
 use super::view::GiView;
+use super::vpl::VplView;
 pub(super) use history::{History, prepare};
 use history::{LENGTH_FORMAT, Reprojection};
 
@@ -72,13 +73,13 @@ impl FromWorld for DenoiseKernels {
             texture_depth_2d(),
             uniform_buffer::<ViewUniform>(true),
         );
-        let uniform = |bytes| uniform_buffer_sized(false, BufferSize::new(bytes as u64));
-        let settings = uniform(size_of::<GatherSettings>());
+        let reprojection =
+            uniform_buffer_sized(false, BufferSize::new(size_of::<Reprojection>() as u64));
         let irradiance = target(TextureFormat::Rgba16Float);
         let compute = ShaderStages::COMPUTE;
         let spatial = BindGroupLayoutEntries::sequential(
             compute,
-            (g_buffer, depth, view, settings, light, irradiance),
+            (g_buffer, depth, view, read(), light, irradiance),
         );
         let temporal = BindGroupLayoutEntries::sequential(
             compute,
@@ -86,10 +87,10 @@ impl FromWorld for DenoiseKernels {
                 g_buffer,
                 depth,
                 view,
-                settings,
+                read(),
                 light,
                 light,
-                uniform(size_of::<Reprojection>()),
+                reprojection,
                 irradiance,
                 light,
                 target(LENGTH_FORMAT),
@@ -113,13 +114,20 @@ impl FromWorld for DenoiseKernels {
 
 /// In a GI camera's view: filters the gathered irradiance spatially, and accumulates it over time.
 pub(super) fn denoise(
-    view: ViewQuery<(&GiView, &GatherView, &History, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(
+        &GiView,
+        &VplView,
+        &GatherView,
+        &History,
+        &ViewPrepassTextures,
+        &ViewUniformOffset,
+    )>,
     kernels: Res<DenoiseKernels>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let (view, gather, history, prepass, view_offset) = view.into_inner();
+    let (view, vpl, gather, history, prepass, view_offset) = view.into_inner();
     if !view.work.gather && !history.accumulates {
         return;
     }
@@ -137,7 +145,7 @@ pub(super) fn denoise(
             camera.g_buffer,
             camera.depth,
             camera.views.clone(),
-            gather.settings.as_entire_binding(),
+            vpl.plan_buffer.as_entire_binding(),
             &gather.irradiance.default_view,
             &history.filtered.default_view,
         )),
@@ -148,7 +156,7 @@ pub(super) fn denoise(
             camera.g_buffer,
             camera.depth,
             camera.views,
-            gather.settings.as_entire_binding(),
+            vpl.plan_buffer.as_entire_binding(),
             &history.filtered.default_view,
             &previous.default_view,
             history.reprojection.as_entire_binding(),

@@ -6,14 +6,14 @@
 // under its tile and the window's margin.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::gather::gather::Gather
 #import bevy_frugal_gi::gi::view::noise::luminance
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, plane_tolerance, representative, shown_at, surface_affinity}
+#import bevy_frugal_gi::gi::vpl::vpl::Plan
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<uniform> gather: Gather;
+@group(0) @binding(3) var<storage, read> plan: Plan;
 @group(0) @binding(4) var gathered: texture_2d<f32>;
 @group(0) @binding(5) var filtered: texture_storage_2d<rgba16float, write>;
 
@@ -41,7 +41,7 @@ fn filter_spatially(
         let tap = corner + vec2<i32>(vec2(i % TILE, i / TILE));
         let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells));
         let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
-        let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
+        let pixel = representative(cell, vec2(plan.cell_width, plan.cell_height), size);
         let shown = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
         let found = textureLoad(gathered, cell, 0).rgb;
         // The largest half float. NaN compares false.

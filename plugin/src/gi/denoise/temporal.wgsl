@@ -11,14 +11,14 @@
 // drivers recompile a shader for each value of such a uniform.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::gather::gather::Gather
 #import bevy_frugal_gi::gi::view::noise::{luminance, pixel_noise}
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, pixel_position, plane_tolerance, representative, shown_at, surface_affinity}
+#import bevy_frugal_gi::gi::vpl::vpl::Plan
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<uniform> gather: Gather;
+@group(0) @binding(3) var<storage, read> plan: Plan;
 /// Irradiance and the standard error of its luminance.
 @group(0) @binding(4) var filtered: texture_2d<f32>;
 /// Irradiance and the distance of its surface from the eye, metres; in a parallel projection, from
@@ -142,7 +142,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= cells) {
         return;
     }
-    let step = vec2(gather.cell_width, gather.cell_height);
+    let step = vec2(plan.cell_width, plan.cell_height);
     let pixel = representative(id.xy, step, size);
     let here = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
     let own = textureLoad(filtered, id.xy, 0);

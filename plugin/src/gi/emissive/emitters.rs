@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AssetEvent, AssetId};
+use bevy::asset::AssetId;
 use bevy::camera::{Camera, Exposure};
 use bevy::color::ColorToComponents;
 use bevy::ecs::prelude::*;
@@ -23,9 +23,9 @@ use bevy::render::extract_resource::ExtractResource;
 use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceChange, SurfaceEvents,
-    SurfaceInstance, SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint,
-    Triangles, changed_asset, triangles,
+    Cutout, Mask, MeshChanges, MeshTexture, SurfaceAssets, SurfaceChange, SurfaceInstance,
+    SurfaceKey, SurfaceMesh, SurfacePoints, SurfaceSet, TextureUse, TrianglePoint, Triangles,
+    triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
 use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
@@ -127,10 +127,6 @@ pub(super) struct EmissiveState {
 pub(super) fn update(
     mut state: ResMut<EmissiveState>,
     mut emitters: ResMut<GiEmitters>,
-    (mut material_events, mut events): (
-        Option<MessageReader<AssetEvent<StandardMaterial>>>,
-        SurfaceEvents,
-    ),
     assets: SurfaceAssets,
     cameras: Query<(&Camera, &ActiveGi, Option<&Exposure>)>,
     meshes: Query<SurfaceMesh, Without<SkinnedMesh>>,
@@ -138,14 +134,13 @@ pub(super) fn update(
     changes: Res<MeshChanges>,
 ) {
     let EmissiveState { materials, surfaces, exposures } = &mut *state;
-    let events_read = material_events.iter_mut().flat_map(MessageReader::read);
-    for id in events_read.filter_map(changed_asset) {
-        match assets.materials.as_ref().and_then(|materials| emission(materials.get(id)?)) {
-            Some(emission) => materials.insert(id, emission),
-            None => materials.remove(&id),
+    for id in &changes.materials {
+        match assets.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
+            Some(emission) => materials.insert(*id, emission),
+            None => materials.remove(id),
         };
     }
-    surfaces.cache.read(&mut events);
+    surfaces.cache.read(&changes);
     let of_cameras: Vec<f32> = cameras
         .iter()
         .filter(|(camera, gi, _)| camera.is_active && gi.vpl_count > 0 && gi.emissive)

@@ -12,7 +12,6 @@ mod emitters;
 mod surface;
 
 use bevy::app::{App, PostUpdate};
-use bevy::asset::AssetEventSystems;
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::ecs::prelude::*;
 use bevy::render::extract_resource::ExtractResourcePlugin;
@@ -30,12 +29,11 @@ pub(super) fn build(app: &mut App) {
         .add_plugins(ExtractResourcePlugin::<GiEmitters>::default())
         .add_systems(
             PostUpdate,
-            // After this frame's asset events and transforms: a surface that becomes emissive
-            // lights others in the same frame.
+            // After this frame's transforms, and its changes of assets, which the set follows: a
+            // surface that becomes emissive lights others in the same frame.
             (emitters::update, emitters::note_presence.run_if(resource_changed::<GiEmitters>))
                 .chain()
                 .in_set(SceneSystems::Emissive)
-                .after(AssetEventSystems)
                 .after(TransformSystems::Propagate)
                 .after(VisibilitySystems::VisibilityPropagate),
         );

@@ -8,26 +8,24 @@
 #import bevy_frugal_gi::gi::forward::probe::{NEIGHBOURS, PLACES, Probe, Volume, key_of, neighbour, place_of}
 #import bevy_frugal_gi::gi::trace::trace::begin_trace
 #import bevy_frugal_gi::gi::view::noise::random
-#import bevy_frugal_gi::gi::vpl::vpl::{empty_stratum, update_stratum, weight_of}
+#import bevy_frugal_gi::gi::vpl::vpl::{Plan, empty_stratum, update_stratum, weight_of}
 #ifdef SKY
-#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight}
 #import bevy_frugal_gi::gi::trace::trace::is_open
 #else
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, leaves_solid, surface_offset}
 #import bevy_frugal_gi::gi::view::surface::apparent_distance
-#import bevy_frugal_gi::gi::vpl::vpl::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 #endif
 
 @group(0) @binding(0) var<uniform> volume: Volume;
 @group(0) @binding(1) var<storage, read_write> probes: array<Probe>;
+@group(0) @binding(3) var<storage, read> plan: Plan;
 #ifdef SKY
 @group(0) @binding(2) var<storage, read> sky_samples: array<SkyLight>;
-@group(0) @binding(3) var<storage, read> sky_plan: SkyPlan;
 #else
 @group(0) @binding(2) var<storage, read> vpls: array<Vpl>;
-@group(0) @binding(3) var<storage, read> plan: Plan;
 @group(0) @binding(4) var<uniform> view: View;
 #endif
 
@@ -58,8 +56,8 @@ fn arrive(light: vec3<f32>, toward: vec3<f32>) {
 
 #ifdef SKY
 fn gather(position: vec3<f32>, which: u32, noise: f32) {
-    let first = (which % sky_plan.sets) * SKY_STRIDE;
-    let end = first + sky_plan.samples;
+    let first = (which % plan.sets) * SKY_STRIDE;
+    let end = first + plan.sky_samples;
     for (var k = 0u; k < RAYS; k++) {
         var stratum = empty_stratum(fract(noise + f32(k) * 0.618034));
         for (var i = first + k; i < end; i += RAYS) {

@@ -224,7 +224,7 @@ fn light(
     let by_sky = sky.filter(|_| view.sky_samples > 0).and_then(|sky| {
         let pipeline = kernels.sky.get(&cache, &light_variant(true))?;
         let samples = sky.samples.as_entire_binding();
-        let plan = sky.plan_buffer.as_entire_binding();
+        let plan = vpl.plan_buffer.as_entire_binding();
         let entries = BindGroupEntries::sequential((settings, probes, samples, plan));
         Some((pipeline, kernels.sky.bind(&context, &cache, &entries)))
     });

@@ -19,28 +19,18 @@
 #import bevy_frugal_gi::gi::trace::trace::{begin_trace, is_occluded, is_open, surface_offset}
 #endif
 #ifdef SKY_RAYS
-#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight}
 #endif
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
-@group(0) @binding(4) var<uniform> gather: Gather;
-@group(0) @binding(5) var<storage, read> plan: Plan;
-@group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(4) var<storage, read> plan: Plan;
+@group(0) @binding(5) var irradiance: texture_storage_2d<rgba16float, write>;
 #ifdef SKY_RAYS
 @group(0) @binding(7) var<storage, read> sky_samples: array<SkyLight>;
-@group(0) @binding(8) var<storage, read> sky_plan: SkyPlan;
 #endif
-
-/// Settings of the gather and of the denoiser.
-struct Gather {
-    /// Width and height of a low-resolution pixel, in pixels.
-    cell_width: u32,
-    cell_height: u32,
-    padding: vec2<u32>,
-}
 
 #ifdef RAYS
 /// Origin of a pixel's rays.
@@ -97,7 +87,7 @@ fn gathered(which_set: u32, seed: vec2<u32>, position: vec3<f32>, normal: vec3<f
 fn gathered_sky(which_set: u32, seed: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
     let first = which_set * SKY_STRIDE;
-    let end_of_set = first + sky_plan.samples;
+    let end_of_set = first + plan.sky_samples;
     let noise = pixel_noise(seed.yx, f32(plan.sequence));
     var sum = vec3(0.0);
     for (var which = 0u; which < #{SKY_RAYS}u; which++) {
@@ -139,7 +129,7 @@ fn gather_vpls(
     if any(cell >= textureDimensions(irradiance)) {
         return;
     }
-    let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), image_size(view.viewport));
+    let pixel = representative(cell, vec2(plan.cell_width, plan.cell_height), image_size(view.viewport));
     let shown = shown_at(pixel, g_buffer, depth_buffer, view.viewport, view.world_from_clip);
     if shown.depth == 0.0 {
         textureStore(irradiance, cell, vec4(0.0));

@@ -6,16 +6,15 @@ use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
 use bevy::render::GpuResourceAppExt;
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
+    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
-use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::texture::CachedTexture;
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::{ShaderDefVal, load_shader_library};
-use bytemuck::{Pod, Zeroable};
 
-use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, filled_buffer, read};
+use super::compute::{CameraInputs, Kernel, compute_pass, drop_with, read};
 use super::schedule::PassSystems;
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::SkyCamera;
@@ -63,13 +62,11 @@ impl FromWorld for GatherKernels {
                 texture_depth_2d(),
                 uniform_buffer::<ViewUniform>(true),
                 read(),
-                uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64)),
                 read(),
                 texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
             ),
         );
-        let sky =
-            BindGroupLayoutEntries::with_indices(ShaderStages::COMPUTE, ((7, read()), (8, read())));
+        let sky = BindGroupLayoutEntries::with_indices(ShaderStages::COMPUTE, ((7, read()),));
         let with_sky = [&*without_sky, &*sky].concat();
         let (label, entry_point) = ("frugal_gi/gather", "gather_vpls");
         let shader = load_embedded_asset!(world, "gather.wgsl");
@@ -138,13 +135,11 @@ pub(super) fn gather(
         camera.depth,
         camera.views,
         vpl.vpls.as_entire_binding(),
-        gather.settings.as_entire_binding(),
         vpl.plan_buffer.as_entire_binding(),
         &gather.irradiance.default_view,
     ));
-    if let Some(SkyCamera { samples, plan_buffer: plan, .. }) = sky {
-        entries =
-            entries.extend_sequential((samples.as_entire_binding(), plan.as_entire_binding()));
+    if let Some(sky) = sky {
+        entries = entries.extend_with_indices(((7, sky.samples.as_entire_binding()),));
     }
     let bind_group = kernel.bind(&context, &cache, &entries);
     let size = gather.irradiance.texture.size();
@@ -167,7 +162,6 @@ pub(super) struct GatherView {
     pub irradiance: CachedTexture,
     /// That of the frame before, of views that filter. It may have another resolution.
     pub previous: Option<CachedTexture>,
-    pub settings: Buffer,
 }
 
 impl GatherView {
@@ -181,18 +175,8 @@ impl GatherView {
 
     /// Bytes held on the GPU.
     pub(super) fn bytes(&self) -> u64 {
-        texture_bytes(&self.irradiance)
-            + self.previous.as_ref().map_or(0, texture_bytes)
-            + self.settings.size()
+        texture_bytes(&self.irradiance) + self.previous.as_ref().map_or(0, texture_bytes)
     }
-}
-
-/// `gather/gather.wgsl`'s `Gather`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct GatherSettings {
-    cell: [u32; 2],
-    padding: [u32; 2],
 }
 
 /// A texture of irradiance at low resolution.
@@ -240,27 +224,20 @@ pub(super) fn texture_bytes(texture: &CachedTexture) -> u64 {
     size.x * size.y * u64::from(texel)
 }
 
-/// Gives every view its irradiance texture and its settings.
+/// Gives every view its irradiance texture.
 pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
     mut views: Query<(Entity, &GiView, Option<&mut GatherView>), With<VplView>>,
 ) {
     for (entity, view, held) in &mut views {
-        let cell = view.gi.pixel_fraction.cell().into();
-        let settings = GatherSettings { cell, padding: [0; 2] };
-        let bytes = bytemuck::bytes_of(&settings);
-        let (label, usage) = ("frugal_gi/gather/settings", BufferUsages::UNIFORM);
         let Some(mut held) = held else {
             commands.entity(entity).insert(GatherView {
                 irradiance: irradiance_texture(&device, IRRADIANCE, view.cells()),
                 previous: None,
-                settings: filled_buffer(&device, label, bytes, usage),
             });
             continue;
         };
-        queue.write_buffer(&held.settings, 0, bytes);
         // Those that filter swap textures when their history advances.
         if !view.gi.filters() {
             held.previous = None;

@@ -1,21 +1,21 @@
 //! Where the scene changed since the last frame.
 
-use bevy::asset::{Asset, AssetEvent, AssetId, Assets, VisitAssetDependencies};
+use bevy::asset::{AssetId, Assets, VisitAssetDependencies};
 use bevy::camera::primitives::{Aabb, Sphere};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::Vec3;
+use bevy::mesh::Mesh3d;
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::HashSet;
 use bevy::transform::components::GlobalTransform;
 
 use super::extent::sphere_around;
 use crate::cut::CUT_DISTANCE;
-use crate::gi::surfaces::{MeshChanges, changed_asset};
+use crate::gi::surfaces::MeshChanges;
 
 /// What changed since the last frame.
 #[derive(Clone, Debug, Default)]
@@ -54,13 +54,14 @@ pub(super) struct SceneReader<'w, 's> {
     skins: Query<'w, 's, &'static SkinnedMesh>,
     moved: Query<'w, 's, (), Changed<GlobalTransform>>,
     known: Local<'s, EntityHashMap<Known>>,
-    assets: AssetReader<'w, 's>,
+    shown: Query<'w, 's, &'static Mesh3d>,
+    materials: Option<Res<'w, Assets<StandardMaterial>>>,
 }
 
 impl SceneReader<'_, '_> {
     /// Reads everything, so that no change counts twice.
     pub(super) fn read(&mut self) -> SceneChanges {
-        let mut changes = SceneChanges { arrived: self.assets.read(), ..Default::default() };
+        let mut changes = SceneChanges { arrived: self.has_arrived(), ..Default::default() };
         // Joints move vertices out of the mesh's box.
         changes.everywhere = self.mesh_changes.unknown
             || self
@@ -98,32 +99,19 @@ impl SceneReader<'_, '_> {
         }
         changes
     }
-}
 
-/// Whether assets of the scene changed since the last frame.
-#[derive(SystemParam)]
-struct AssetReader<'w, 's> {
-    meshes: Option<MessageReader<'w, 's, AssetEvent<Mesh>>>,
-    images: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
-    materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
-    shown: Query<'w, 's, &'static Mesh3d>,
-    all_materials: Option<Res<'w, Assets<StandardMaterial>>>,
-}
-
-impl AssetReader<'_, '_> {
-    /// Images of an interface, and meshes that nothing shows, do not count.
-    fn read(&mut self) -> bool {
-        // Reads all, or the rest would count in the next frame.
-        let (meshes, images) = (changed(&mut self.meshes), changed(&mut self.images));
-        let materials = changed(&mut self.materials);
+    /// Whether assets of the scene changed. Images of an interface, and meshes that nothing shows,
+    /// do not count.
+    fn has_arrived(&self) -> bool {
+        let MeshChanges { meshes, images, materials, .. } = &*self.mesh_changes;
         !materials.is_empty()
             || !meshes.is_empty() && self.shown.iter().any(|mesh| meshes.contains(&mesh.id()))
-            || !images.is_empty() && self.uses_any(&images)
+            || !images.is_empty() && self.uses_any(images)
     }
 
     /// Whether any material has a texture among `images`.
     fn uses_any(&self, images: &HashSet<AssetId<Image>>) -> bool {
-        let Some(materials) = &self.all_materials else { return true };
+        let Some(materials) = &self.materials else { return true };
         materials.iter().any(|(_, material)| {
             let mut found = false;
             material.visit_dependencies(&mut |id| {
@@ -157,10 +145,6 @@ pub(super) fn shift(by: Vec3, seen: impl Iterator<Item = Vec3>) -> Option<Vec3> 
         found[axis]
     };
     Some(Vec3::new(median(0), median(1), median(2)))
-}
-
-fn changed<A: Asset>(events: &mut Option<MessageReader<AssetEvent<A>>>) -> HashSet<AssetId<A>> {
-    events.iter_mut().flat_map(MessageReader::read).filter_map(changed_asset).collect()
 }
 
 #[cfg(test)]

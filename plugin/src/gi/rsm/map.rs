@@ -14,6 +14,7 @@ use bevy::render::extract_component::ExtractComponent;
 use bevy::render::settings::WgpuLimits;
 use bevy::render::sync_component::SyncComponent;
 use bevy::transform::components::Transform;
+use range_alloc::RangeAllocator;
 
 use super::lights::RsmLight;
 use crate::gi::compute::largest_storage_buffer;
@@ -143,54 +144,52 @@ impl MapCapacity {
 }
 
 /// The range of texels of each map.
-#[derive(Resource, Clone, Debug, Default)]
-pub(super) struct MapSlots(BTreeMap<RsmView, Range<u32>>);
+#[derive(Resource, Debug)]
+pub(super) struct MapSlots {
+    of: BTreeMap<RsmView, Range<u32>>,
+    ranges: RangeAllocator<u32>,
+}
+
+impl Default for MapSlots {
+    fn default() -> Self {
+        Self { of: BTreeMap::new(), ranges: RangeAllocator::new(0..u32::MAX) }
+    }
+}
 
 impl MapSlots {
-    /// Sorts maps and assigns each its offset in the store: the one that it had, or the first gap
-    /// that it fits into. All move together where gaps would take as much as the maps, or the store
-    /// would end behind `most` texels.
+    /// Sorts maps and assigns each its offset in the store: the one that it had, or that of the
+    /// smallest gap that it fits into. All move together where gaps would take as much as the maps,
+    /// or the store would end behind `most` texels.
     pub(super) fn lay_out(&mut self, maps: &mut [MapSpec], most: u64) {
         maps.sort_by_key(|map| map.view);
         let texels: BTreeMap<RsmView, u32> =
             maps.iter().map(|map| (map.view, map.map.light.resolution.pow(2))).collect();
-        self.0.retain(|key, range| texels.get(key) == Some(&(range.end - range.start)));
-        self.fill(&texels);
+        self.update(&texels);
         let used: u64 = texels.values().map(|texels| u64::from(*texels)).sum();
-        let end = self.0.values().map(|range| u64::from(range.end)).max().unwrap_or(0);
+        let end = self.of.values().map(|range| u64::from(range.end)).max().unwrap_or(0);
         if end > most || end > 2 * used {
-            self.0.clear();
-            self.fill(&texels);
+            *self = Self::default();
+            self.update(&texels);
         }
         for map in maps {
-            map.map.light.texel_offset = self.0[&map.view].start;
+            map.map.light.texel_offset = self.of[&map.view].start;
         }
     }
 
-    /// Gives a range to each map that has none.
-    fn fill(&mut self, texels: &BTreeMap<RsmView, u32>) {
-        if self.0.len() == texels.len() {
-            return;
-        }
-        let mut taken: Vec<Range<u32>> = self.0.values().cloned().collect();
-        taken.sort_by_key(|range| range.start);
-        for (key, texels) in texels {
-            if self.0.contains_key(key) {
-                continue;
+    /// Takes the ranges of maps that are gone or have another size, and gives one to each map that
+    /// has none.
+    fn update(&mut self, texels: &BTreeMap<RsmView, u32>) {
+        self.of.retain(|key, range| {
+            let is_kept = texels.get(key) == Some(&(range.end - range.start));
+            if !is_kept {
+                self.ranges.free_range(range.clone());
             }
-            let mut start = 0;
-            let at = taken
-                .iter()
-                .position(|range| {
-                    let fits = start + texels <= range.start;
-                    if !fits {
-                        start = range.end;
-                    }
-                    fits
-                })
-                .unwrap_or(taken.len());
-            taken.insert(at, start..start + texels);
-            self.0.insert(*key, start..start + texels);
+            is_kept
+        });
+        for (key, texels) in texels {
+            self.of.entry(*key).or_insert_with(|| {
+                self.ranges.allocate_range(*texels).expect("maps have fewer than 2^32 texels")
+            });
         }
     }
 }
@@ -225,11 +224,8 @@ mod tests {
 
     fn filled(slots: &mut MapSlots, maps: &[(u32, u32)]) -> Vec<u32> {
         let texels = maps.iter().map(|(light, texels)| (key(*light), *texels)).collect();
-        slots
-            .0
-            .retain(|key, range| BTreeMap::get(&texels, key) == Some(&(range.end - range.start)));
-        slots.fill(&texels);
-        maps.iter().map(|(light, _)| slots.0[&key(*light)].start).collect()
+        slots.update(&texels);
+        maps.iter().map(|(light, _)| slots.of[&key(*light)].start).collect()
     }
 
     #[test]
@@ -260,7 +256,7 @@ mod tests {
                 .filter(|(_, texels)| *texels > 8)
                 .collect();
             filled(&mut slots, &maps);
-            let mut ranges: Vec<_> = slots.0.values().cloned().collect();
+            let mut ranges: Vec<_> = slots.of.values().cloned().collect();
             ranges.sort_by_key(|range| range.start);
             assert!(ranges.windows(2).all(|pair| pair[0].end <= pair[1].start), "{ranges:?}");
             assert_eq!(ranges.len(), maps.len());

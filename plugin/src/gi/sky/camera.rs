@@ -19,7 +19,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::gi::compute::{Kernel, bytes_of, empty_buffer, filled_buffer, read, write};
 use crate::gi::settings::FrugalGi;
 use crate::gi::trace::OccluderBuffers;
-use crate::gi::view::{GiView, SkySource};
+use crate::gi::view::SkySource;
 
 /// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test compares it with the shader.
 pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
@@ -31,15 +31,6 @@ pub(in crate::gi) const STRATA_PER_GROUP: u32 = 4;
 pub(in crate::gi) const STEPS: u32 = 16;
 /// Bytes from one set of samples to the next: room for the most samples of a pixel.
 const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
-
-/// `sky/sky.wgsl`'s `SkyPlan`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub(in crate::gi) struct SkyPlan {
-    pub samples: u32,
-    pub sets: u32,
-    pub sequence: u32,
-}
 
 /// `sky/fill.wgsl`'s `SkySource`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -54,8 +45,9 @@ pub(in crate::gi) struct SkyReading {
 /// What a camera's sky light depends on, apart from the camera's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct SkyInputs {
-    /// Of sequence 0.
-    pub plan: SkyPlan,
+    /// Samples in each set.
+    pub samples: u32,
+    sets: u32,
     /// The source of the strata.
     reading: (TextureId, SkyReading),
     is_generated: bool,
@@ -72,9 +64,6 @@ impl SkyInputs {
 #[derive(Component)]
 pub(crate) struct SkyCamera {
     inputs: SkyInputs,
-    /// The sequence of `plan_buffer`.
-    sequence: u32,
-    pub(in crate::gi) plan_buffer: Buffer,
     /// An array of `SkyLight`, in sets [`SET_BYTES`] apart.
     pub(in crate::gi) samples: Buffer,
     pub(super) strata: Buffer,
@@ -93,24 +82,26 @@ impl SkyCamera {
 
     /// Bytes held on the GPU for this camera's sky.
     pub(crate) fn bytes(&self) -> u64 {
-        let Self { plan_buffer, samples, strata, importance, reading_buffer, .. } = self;
-        bytes_of([plan_buffer, samples, strata, importance, reading_buffer])
+        let Self { samples, strata, importance, reading_buffer, .. } = self;
+        bytes_of([samples, strata, importance, reading_buffer])
     }
 
     fn new(device: &RenderDevice, inputs: SkyInputs, is_active: bool) -> Self {
         let storage = BufferUsages::STORAGE;
-        let filled = |label, contents: &[u8]| filled_buffer(device, label, contents, storage);
         let empty =
             |label, size| empty_buffer(device, label, size, storage | BufferUsages::COPY_SRC);
-        let (sets, strata) = (u64::from(inputs.plan.sets), u64::from(STRATA));
+        let (sets, strata) = (u64::from(inputs.sets), u64::from(STRATA));
         Self {
             inputs,
-            sequence: 0,
-            plan_buffer: filled("frugal_gi/sky/plan", bytemuck::bytes_of(&inputs.plan)),
             samples: empty("frugal_gi/sky/samples", sets * SET_BYTES),
             strata: empty("frugal_gi/sky/strata", strata * SKY_LIGHT_BYTES),
             importance: empty("frugal_gi/sky/importance", strata * 4),
-            reading_buffer: filled("frugal_gi/sky/reading", bytemuck::bytes_of(&inputs.reading.1)),
+            reading_buffer: filled_buffer(
+                device,
+                "frugal_gi/sky/reading",
+                bytemuck::bytes_of(&inputs.reading.1),
+                storage,
+            ),
             is_filled: AtomicBool::new(false),
             is_active,
         }
@@ -139,44 +130,34 @@ pub(in crate::gi) fn prepare(
                 && source.rotation.is_finite();
             let is_needed = samples > 0 && gi.traces() && is_lit;
             images.get(source.diffuse).filter(|_| is_needed)?;
-            let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2), sequence: 0 };
-            Some((plan, source, images.get(source.specular)?))
+            let image = images.get(source.specular)?;
+            Some(SkyInputs {
+                samples,
+                sets: gi.interleave.side().pow(2),
+                reading: (image.texture.id(), reading(source, image)),
+                is_generated: source.is_generated,
+            })
         });
-        let Some((plan, source, image)) = lit else {
+        let Some(inputs) = lit else {
             if held.is_some() {
                 commands.entity(entity).remove::<SkyCamera>();
             }
             continue;
         };
         let is_active = kernels.are_ready(&cache);
-        let reading = (image.texture.id(), reading(source, image));
-        let inputs = SkyInputs { plan, reading, is_generated: source.is_generated };
-        let Some(mut held) = held.filter(|held| held.inputs.plan == plan) else {
+        let count = |inputs: &SkyInputs| (inputs.samples, inputs.sets);
+        let Some(mut held) = held.filter(|held| count(&held.inputs) == count(&inputs)) else {
             commands.entity(entity).insert(SkyCamera::new(&device, inputs, is_active));
             continue;
         };
         held.is_active = is_active;
-        if held.inputs.reading != reading {
-            queue.write_buffer(&held.reading_buffer, 0, bytemuck::bytes_of(&reading.1));
+        if held.inputs.reading != inputs.reading {
+            queue.write_buffer(&held.reading_buffer, 0, bytemuck::bytes_of(&inputs.reading.1));
         }
-        if held.inputs.reading != reading || source.is_generated {
+        if held.inputs.reading != inputs.reading || inputs.is_generated {
             held.is_filled.store(false, Ordering::Relaxed);
         }
         held.inputs = inputs;
-    }
-}
-
-/// Tells every sky which samples its camera takes in this frame.
-pub(in crate::gi) fn prepare_sequences(
-    queue: Res<RenderQueue>,
-    mut cameras: Query<(&GiView, &mut SkyCamera)>,
-) {
-    for (view, mut sky) in &mut cameras {
-        if view.work.sample && sky.sequence != view.sequence {
-            sky.sequence = view.sequence;
-            let plan = SkyPlan { sequence: sky.sequence, ..sky.inputs.plan };
-            queue.write_buffer(&sky.plan_buffer, 0, bytemuck::bytes_of(&plan));
-        }
     }
 }
 

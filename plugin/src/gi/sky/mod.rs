@@ -36,11 +36,11 @@ use super::compute::{CameraInputs, compute_pass};
 use super::schedule::PassSystems;
 use super::trace::OccluderBuffers;
 use super::view::{GiView, SkySource};
+use super::vpl::VplView;
 pub(super) use ambient::take_out_diffuse;
 use camera::SkyKernels;
 pub(super) use camera::{
-    SKY_LIGHT_BYTES, STEPS, STRATA, STRATA_PER_GROUP, SkyCamera, SkyInputs, SkyPlan, SkyReading,
-    prepare, prepare_sequences,
+    SKY_LIGHT_BYTES, STEPS, STRATA, STRATA_PER_GROUP, SkyCamera, SkyInputs, SkyReading, prepare,
 };
 
 pub(super) fn build(app: &mut App) {
@@ -69,7 +69,14 @@ fn faces(texture: &Texture) -> TextureView {
 /// In a GI camera's view: integrates the sky when it changed; weights and samples it then and when
 /// VPLs are sampled.
 pub(super) fn sample(
-    view: ViewQuery<(&SkyCamera, &SkySource, &GiView, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(
+        &SkyCamera,
+        &SkySource,
+        &GiView,
+        &VplView,
+        &ViewPrepassTextures,
+        &ViewUniformOffset,
+    )>,
     kernels: Res<SkyKernels>,
     occluders: Res<OccluderBuffers>,
     images: Res<RenderAssets<GpuImage>>,
@@ -77,7 +84,7 @@ pub(super) fn sample(
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let (camera, source, gi_view, prepass, view_offset) = view.into_inner();
+    let (camera, source, gi_view, vpl, prepass, view_offset) = view.into_inner();
     if !gi_view.work.sample && camera.is_filled.load(Ordering::Relaxed) {
         return;
     }
@@ -98,7 +105,7 @@ pub(super) fn sample(
         &camera.reading_buffer,
         &camera.strata,
         &camera.importance,
-        &camera.plan_buffer,
+        &vpl.plan_buffer,
         &camera.samples,
     ]
     .map(|buffer| buffer.as_entire_binding());

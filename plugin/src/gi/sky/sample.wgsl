@@ -8,11 +8,12 @@
 // each other by a fraction of a step.
 
 #import bevy_frugal_gi::gi::view::noise::luminance
-#import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight}
+#import bevy_frugal_gi::gi::vpl::vpl::Plan
 
 @group(0) @binding(0) var<storage, read> strata: array<SkyLight>;
 @group(0) @binding(1) var<storage, read> importance: array<f32>;
-@group(0) @binding(2) var<storage, read> plan: SkyPlan;
+@group(0) @binding(2) var<storage, read> plan: Plan;
 @group(0) @binding(3) var<storage, read_write> samples: array<SkyLight>;
 
 const LANES: u32 = 64u;
@@ -77,10 +78,10 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
 
     let total = cumulative[SKY_STRATA - 1u];
-    let count = f32(plan.samples);
-    for (var i = lane; i < plan.sets * plan.samples; i += LANES) {
-        let which = i / plan.samples;
-        let member = i % plan.samples;
+    let count = f32(plan.sky_samples);
+    for (var i = lane; i < plan.sets * plan.sky_samples; i += LANES) {
+        let which = i / plan.sky_samples;
+        let member = i % plan.sky_samples;
         let shift = f32(plan.sequence) * 0.618034;
         let index = find_stratum((f32(member) + fract((f32(which) + 0.5) / f32(plan.sets) + shift)) / count * total);
         // The step of the cumulative sum, not the weight that was added: this is the probability

@@ -11,18 +11,6 @@ struct SkyLight {
     padding_2: f32,
 }
 
-/// Interleaving of a camera's sky samples among its pixels. In a storage buffer because loops
-/// depend on its count: software Vulkan drivers recompile a shader for each value of a uniform that
-/// control flow depends on.
-struct SkyPlan {
-    /// Samples that each low-resolution pixel evaluates.
-    samples: u32,
-    /// Sets of samples, each of which represents the whole sky.
-    sets: u32,
-    /// Which samples of the weights: 0 while something changes, others at rest.
-    sequence: u32,
-}
-
 /// Strata along each side of the square onto which the sphere is mapped.
 const SKY_SIDE: u32 = 32u;
 /// Number of strata.

@@ -17,11 +17,12 @@ use bevy::camera::visibility::{
 };
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
+use bevy::image::Image;
 use bevy::light::NotShadowCaster;
 use bevy::math::Affine3A;
-use bevy::mesh::Mesh3d;
 use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
+use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::HashSet;
 use bevy::transform::TransformSystems;
@@ -37,8 +38,7 @@ pub(super) use points::{
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 use scan::{ChangeKind, Columns, scan};
 pub(super) use set::{
-    SurfaceCache, SurfaceChange, SurfaceEvents, SurfaceInstance, SurfaceKey, SurfaceMesh,
-    SurfaceSet,
+    SurfaceCache, SurfaceChange, SurfaceInstance, SurfaceKey, SurfaceMesh, SurfaceSet,
 };
 
 pub(super) fn build(app: &mut App) {
@@ -55,7 +55,7 @@ pub(super) fn build(app: &mut App) {
     copies::build(app);
 }
 
-/// What changed of meshes since the last frame.
+/// What changed of meshes and of assets since the last frame.
 #[derive(Resource, Default)]
 pub(super) struct MeshChanges {
     /// Anything may have changed.
@@ -69,15 +69,19 @@ pub(super) struct MeshChanges {
     pub touched: Vec<Entity>,
     /// Entities that lost `Mesh3d`; also in `altered`.
     pub gone: Vec<Entity>,
+    /// Assets that were added, changed or removed.
+    pub meshes: HashSet<AssetId<Mesh>>,
+    pub images: HashSet<AssetId<Image>>,
+    pub materials: HashSet<AssetId<StandardMaterial>>,
 }
 
 impl MeshChanges {
-    /// Whether nothing changed.
+    /// Whether nothing changed of meshes.
     pub(crate) fn is_empty(&self) -> bool {
         !self.is_altered() && self.touched.is_empty()
     }
 
-    /// Everything that changed, sorted, each once.
+    /// All meshes that changed, sorted, each once.
     pub(crate) fn changed(&self) -> Vec<Entity> {
         let mut all = [&self.altered[..], &self.touched].concat();
         all.sort_unstable();
@@ -103,7 +107,9 @@ pub(super) struct MeshReader<'w, 's> {
     on_all_layers: RemovedComponents<'w, 's, RenderLayers>,
     unranged: RemovedComponents<'w, 's, VisibilityRange>,
     culled: RemovedComponents<'w, 's, NoFrustumCulling>,
-    materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
+    mesh_events: Option<MessageReader<'w, 's, AssetEvent<Mesh>>>,
+    image_events: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
+    material_events: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
     with_material: Query<'w, 's, (Entity, &'static MeshMaterial3d<StandardMaterial>)>,
     bind_poses: Option<MessageReader<'w, 's, AssetEvent<SkinnedMeshInverseBindposes>>>,
     morphed: Query<'w, 's, (Entity, &'static MeshMorphWeights), With<Mesh3d>>,
@@ -113,7 +119,8 @@ pub(super) struct MeshReader<'w, 's> {
 impl MeshReader<'_, '_> {
     /// Reads everything, so that no change counts twice.
     fn read(&mut self, changes: &mut MeshChanges) {
-        let MeshChanges { unknown, altered, moved, touched, gone } = changes;
+        let MeshChanges { unknown, altered, moved, touched, gone, meshes, images, materials } =
+            changes;
         for list in [&mut *altered, touched, gone] {
             list.clear();
         }
@@ -148,8 +155,9 @@ impl MeshReader<'_, '_> {
         touched.extend(self.culled.read());
         altered.extend_from_slice(&touched[lost..]);
         altered.extend(&self.ranged);
-        let events = self.materials.iter_mut().flat_map(MessageReader::read);
-        let materials: HashSet<_> = events.filter_map(changed_asset).collect();
+        *meshes = changed_assets(&mut self.mesh_events);
+        *images = changed_assets(&mut self.image_events);
+        *materials = changed_assets(&mut self.material_events);
         if !materials.is_empty() {
             let uses = self.with_material.iter();
             let uses = uses.filter(|(_, material)| materials.contains(&material.id()));
@@ -158,14 +166,17 @@ impl MeshReader<'_, '_> {
     }
 }
 
-/// The asset that an event says was added, changed or removed.
-pub(super) fn changed_asset<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
-    match event {
+/// Assets that were added, changed or removed.
+fn changed_assets<A: Asset>(
+    events: &mut Option<MessageReader<AssetEvent<A>>>,
+) -> HashSet<AssetId<A>> {
+    let changed = |event: &AssetEvent<A>| match event {
         AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => {
             Some(*id)
         }
         AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => None,
-    }
+    };
+    events.iter_mut().flat_map(MessageReader::read).filter_map(changed).collect()
 }
 
 /// Notes what changed. In a frame in which it does not run, changes are kept for the next one.

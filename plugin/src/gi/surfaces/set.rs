@@ -3,11 +3,10 @@
 
 use std::hash::Hash;
 
-use bevy::asset::{AssetEvent, AssetId};
+use bevy::asset::AssetId;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::{QueryData, QueryFilter};
-use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::Affine3A;
 use bevy::mesh::{Mesh, Mesh3d};
@@ -27,13 +26,6 @@ pub(in crate::gi) trait SurfaceKey: Copy + Eq + Hash {
     fn reads(&self, image: AssetId<Image>) -> bool;
 }
 
-/// This frame's events of meshes and images.
-#[derive(SystemParam)]
-pub(in crate::gi) struct SurfaceEvents<'w, 's> {
-    meshes: Option<MessageReader<'w, 's, AssetEvent<Mesh>>>,
-    images: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
-}
-
 /// A value for each surface in use.
 pub(in crate::gi) struct SurfaceCache<Key, Value> {
     pub values: HashMap<Key, Value>,
@@ -50,18 +42,11 @@ impl<Key, Value> Default for SurfaceCache<Key, Value> {
 
 impl<Key: SurfaceKey, Value> SurfaceCache<Key, Value> {
     /// Drops the values of surfaces whose mesh or images changed or are gone.
-    pub(crate) fn read(&mut self, events: &mut SurfaceEvents) {
-        for event in events.meshes.iter_mut().flat_map(MessageReader::read) {
-            let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else {
-                continue;
-            };
-            self.keep(|key| key.mesh() != *id);
-        }
-        for event in events.images.iter_mut().flat_map(MessageReader::read) {
-            let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else {
-                continue;
-            };
-            self.keep(|key| !key.reads(*id));
+    pub(crate) fn read(&mut self, MeshChanges { meshes, images, .. }: &MeshChanges) {
+        if !meshes.is_empty() || !images.is_empty() {
+            self.keep(|key| {
+                !meshes.contains(&key.mesh()) && !images.iter().any(|image| key.reads(*image))
+            });
         }
     }
 

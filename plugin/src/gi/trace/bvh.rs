@@ -87,38 +87,6 @@ impl FlatBvh {
     }
 }
 
-/// Fits a tree's boxes to primitives that moved. `bounds`: their boxes in the order in which leaves
-/// name them. Returns the sum of the boxes' half areas, by which trees can be compared: it grows as
-/// primitives leave their neighbours.
-pub(super) fn refit(nodes: &mut [Node], bounds: &[(Vec3A, Vec3A)]) -> f32 {
-    let mut areas = 0.0;
-    // Children lie behind their parents.
-    for index in (0..nodes.len()).rev() {
-        let (min, max) = fitted(nodes, index, bounds);
-        areas += half_area(max - min);
-        (nodes[index].min, nodes[index].max) = (min.to_array(), max.to_array());
-    }
-    areas
-}
-
-/// The box around a node's primitives or children.
-pub(super) fn fitted(nodes: &[Node], index: usize, bounds: &[(Vec3A, Vec3A)]) -> (Vec3A, Vec3A) {
-    let node = nodes[index];
-    let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-    if node.leaf != 0 {
-        for (low, high) in &bounds[node.primitives()] {
-            (min, max) = (min.min(*low), max.max(*high));
-        }
-    } else {
-        let mut child = index + 1;
-        while child < node.skip as usize {
-            (min, max) = (min.min(nodes[child].min.into()), max.max(nodes[child].max.into()));
-            child = nodes[child].skip as usize;
-        }
-    }
-    (min, max)
-}
-
 pub(super) fn half_area(side: Vec3A) -> f32 {
     side.x * side.y + side.y * side.z + side.z * side.x
 }

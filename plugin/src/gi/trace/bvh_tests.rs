@@ -2,37 +2,6 @@ use super::super::wide::soup;
 use super::*;
 
 #[test]
-fn a_refitted_tree_holds_primitives_where_they_moved() {
-    let place = |index: usize, shift: f32| {
-        let corner = Vec3A::new((index % 10) as f32, (index / 10) as f32, shift * index as f32);
-        (corner, corner + 0.5)
-    };
-    for count in [1, 2, 5, 100] {
-        let before: Vec<_> = (0..count).map(|index| place(index, 0.0)).collect();
-        let FlatBvh { mut nodes, order } = FlatBvh::new(&before, BvhBuildParams::medium_build());
-        let in_order = |shift: f32| -> Vec<_> {
-            order.iter().map(|index| place(*index as usize, shift)).collect()
-        };
-        let still = nodes.clone();
-        let area = refit(&mut nodes, &in_order(0.0));
-        assert_eq!(nodes, still, "nothing moved");
-        let grown = refit(&mut nodes, &in_order(0.3));
-        assert!(count < 5 || grown > area, "{grown} {area}");
-        let inside = |node: &Node, (min, max): (Vec3A, Vec3A)| {
-            Vec3A::from(node.min).cmple(min).all() && Vec3A::from(node.max).cmpge(max).all()
-        };
-        let moved = in_order(0.3);
-        for (index, node) in nodes.iter().enumerate() {
-            // A node holds the primitives of all leaves up to its skip link.
-            for leaf in nodes[index..node.skip as usize].iter().filter(|leaf| leaf.leaf != 0) {
-                assert!(leaf.primitives().all(|primitive| inside(node, moved[primitive])));
-            }
-        }
-    }
-    assert_eq!(refit(&mut [], &[]), 0.0);
-}
-
-#[test]
 fn skip_links_lead_forward_and_leaves_name_every_triangle_once() {
     let bvh = FlatBvh::new(
         &soup(777, 5)

@@ -18,7 +18,7 @@ use super::skin::{InstanceKey, Skins};
 use super::top::{Bounds, TopTree};
 use super::trees::{self, TreeKey, Trees, ready, waiting};
 use crate::gi::compute::{largest_storage_buffer, limits_of};
-use crate::gi::surfaces::{Mask, MeshChanges, SurfaceAssets, SurfaceEvents, occludes};
+use crate::gi::surfaces::{Mask, MeshChanges, SurfaceAssets, occludes};
 use crate::gi::view::{ActiveGi, GiCameras, LightPresence, MeshVisibility, VisibilityFilter};
 
 /// The occluders of indirect light. Maintained while there is light and a camera with
@@ -117,7 +117,6 @@ type Mesh<'a> = (
 pub(super) fn update(
     mut scene: ResMut<OccluderScene>,
     mut occluders: ResMut<GiOccluders>,
-    mut events: SurfaceEvents,
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     device: Option<Res<RenderDevice>>,
@@ -130,7 +129,7 @@ pub(super) fn update(
     let scene = &mut *scene;
     scene.geometry.end_version();
     scene.top.end_version();
-    scene.trees.read(&mut events);
+    scene.trees.read(&changes);
     if !cameras
         .iter()
         .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))

@@ -12,7 +12,7 @@ use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
 use obvhs::BvhBuildParams;
 
-use super::bvh::{FlatBvh, Node, fitted, refit};
+use super::bvh::{FlatBvh, Node};
 use super::mesh::Instance;
 use super::mirror::{Mirrored, warn_of_full_buffer};
 use super::skin::InstanceKey;
@@ -139,13 +139,13 @@ impl TopTree {
         }
         self.append(&new, BvhBuildParams::very_fast_build(), most);
         if moved.len() * MOVED_SHARE > self.parts.len() {
-            self.fit_all();
+            self.area = self.fit_from(1);
         } else {
             for slot in moved {
                 self.fit(self.leaves[slot] as usize);
             }
-            self.fit(0);
         }
+        self.fit(0);
         let must_build = self.area > MAX_GROWTH * self.area_built
             || self.added > MAX_TREES
             || self.gone * GONE_SHARE > self.parts.len();
@@ -165,8 +165,21 @@ impl TopTree {
 
     /// A node with the box around what lies below it.
     fn fitted(&self, index: usize) -> Node {
-        let (min, max) = fitted(&self.nodes, index, &self.bounds);
-        Node { min: min.to_array(), max: max.to_array(), ..self.nodes[index] }
+        let node = self.nodes[index];
+        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        if node.leaf != 0 {
+            for (low, high) in &self.bounds[node.primitives()] {
+                (min, max) = (min.min(*low), max.max(*high));
+            }
+        } else {
+            let mut child = index + 1;
+            while child < node.skip as usize {
+                let below = self.nodes[child];
+                (min, max) = (min.min(below.min.into()), max.max(below.max.into()));
+                child = below.skip as usize;
+            }
+        }
+        Node { min: min.to_array(), max: max.to_array(), ..node }
     }
 
     /// Fits the box of a node, and those above it for as long as they change.
@@ -186,17 +199,17 @@ impl TopTree {
         }
     }
 
-    /// Fits all boxes.
-    fn fit_all(&mut self) {
-        self.area = 0.0;
+    /// Fits the boxes of the nodes from `first` on. Returns the sum of their half areas, by which
+    /// trees can be compared: it grows as instances leave their neighbours.
+    fn fit_from(&mut self, first: usize) -> f64 {
+        let mut area = 0.0;
         // Children lie behind their parents.
-        for index in (0..self.nodes.len()).rev() {
+        for index in (first..self.nodes.len()).rev() {
             let node = self.fitted(index);
             self.nodes.set(index, node);
-            if index > 0 {
-                self.area += f64::from(node.half_area());
-            }
+            area += f64::from(node.half_area());
         }
+        area
     }
 
     /// The instances that are there.
@@ -227,13 +240,10 @@ impl TopTree {
     /// without a part where that is gone.
     fn push(
         &mut self,
-        FlatBvh { mut nodes, order }: FlatBvh,
+        FlatBvh { nodes, order }: FlatBvh,
         placed: impl Fn(usize) -> (Option<InstanceKey>, Instance, Bounds),
     ) {
         let placed: Vec<_> = order.iter().map(|index| placed(*index as usize)).collect();
-        let bounds: Vec<Bounds> = placed.iter().map(|(.., bounds)| *bounds).collect();
-        let area = f64::from(refit(&mut nodes, &bounds));
-        (self.area, self.area_built) = (self.area + area, self.area_built + area);
         if self.nodes.is_empty() {
             // The root of all trees.
             self.nodes.extend(&[Node { leaf: 0, ..Node::NOTHING }]);
@@ -254,7 +264,9 @@ impl TopTree {
         self.nodes.extend(&nodes);
         let instances: Vec<Instance> = placed.iter().map(|(_, instance, _)| *instance).collect();
         self.instances.extend(&instances);
-        self.bounds.extend(bounds);
+        self.bounds.extend(placed.iter().map(|(.., bounds)| *bounds));
+        let area = self.fit_from(first_node);
+        (self.area, self.area_built) = (self.area + area, self.area_built + area);
         self.link(first_node);
         let root = Node { skip: self.nodes.len() as u32, ..self.nodes[0] };
         self.nodes.set(0, root);

@@ -1,4 +1,4 @@
-//! A GI camera's buffers for its VPLs, and their interleaving among its pixels.
+//! A GI camera's buffers for its VPLs, and how samples lie among its pixels.
 
 use std::sync::Arc;
 
@@ -22,16 +22,21 @@ pub(in crate::gi) const VPL_BYTES: u64 = 48;
 pub(in crate::gi) struct VplPlan {
     /// Side of the square of low-resolution pixels among which the VPLs are interleaved.
     pub interleave: u32,
-    /// Sets of VPLs: `interleave`².
+    /// Sets of VPLs and of sky samples: `interleave`².
     pub sets: u32,
     /// VPLs in each set: 1 to 1024, and 0 where there are no texels.
     pub per_set: u32,
+    /// Sky samples in each set.
+    pub sky_samples: u32,
     /// Which samples of the weights: 0 while something changes, others at rest.
     pub sequence: u32,
+    /// Width and height of a low-resolution pixel, in pixels.
+    pub cell: [u32; 2],
 }
 
 impl VplPlan {
-    /// At least `vpl_count` VPLs in equal sets, but no more in a set than a pixel can evaluate.
+    /// At least `vpl_count` VPLs in equal sets, but no more in a set than a pixel can evaluate. At
+    /// full resolution, without a sky.
     pub(crate) fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
         let side = interleave.side();
         let sets = side * side;
@@ -39,7 +44,7 @@ impl VplPlan {
             .min(FrugalGi::MAX_VPL_COUNT)
             .div_ceil(sets)
             .clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
-        Self { interleave: side, sets, per_set, sequence: 0 }
+        Self { interleave: side, sets, per_set, sky_samples: 0, sequence: 0, cell: [1; 2] }
     }
 
     /// VPLs in the buffer: one set behind the other.
@@ -51,7 +56,7 @@ impl VplPlan {
 /// The VPLs of a GI camera and the buffers of their sampling. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct VplView {
-    /// Interleaving of the VPLs.
+    /// The content of `plan_buffer`.
     pub plan: VplPlan,
     pub plan_buffer: Buffer,
     pub vpls: Buffer,
@@ -99,7 +104,11 @@ pub(in crate::gi) fn prepare(
     mut views: Query<(Entity, &GiView, Option<&mut VplView>)>,
 ) {
     for (entity, view, held) in &mut views {
-        let mut plan = VplPlan::new(view.gi.vpl_count, view.gi.interleave);
+        let mut plan = VplPlan {
+            sky_samples: view.sky_samples,
+            cell: view.camera.cell.to_array(),
+            ..VplPlan::new(view.gi.vpl_count, view.gi.interleave)
+        };
         if view.rows.is_empty() {
             plan.per_set = 0;
         }
@@ -107,11 +116,11 @@ pub(in crate::gi) fn prepare(
             commands.entity(entity).insert(VplView::new(&device, plan, view));
             continue;
         };
-        let sequence = if view.work.sample { view.sequence } else { held.plan.sequence };
-        let plan = VplPlan { sequence, ..plan };
-        if (VplPlan { sequence, ..held.plan }) != plan {
+        plan.sequence = if view.work.sample { view.sequence } else { held.plan.sequence };
+        let sets = |plan: &VplPlan| (plan.sets, plan.per_set);
+        if sets(&held.plan) != sets(&plan) {
             (held.plan_buffer, held.vpls) = plan_buffers(&device, &plan);
-        } else if held.plan.sequence != sequence {
+        } else if held.plan != plan {
             queue.write_buffer(&held.plan_buffer, 0, bytemuck::bytes_of(&plan));
         }
         held.plan = plan;

@@ -50,18 +50,23 @@ fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return vpl.flux * min(receiver * emitter, vpl.largest_geometry_term);
 }
 
-/// Interleaving of a camera's virtual point lights among its pixels. In a storage buffer because
-/// loops depend on its counts: software Vulkan drivers recompile a shader for each value of a
-/// uniform that control flow depends on.
+/// A camera's low-resolution pixels, and how its virtual point lights and its sky samples are
+/// interleaved among them. In a storage buffer because loops depend on its counts: software Vulkan
+/// drivers recompile a shader for each value of a uniform that control flow depends on.
 struct Plan {
     /// Side of the square of low-resolution pixels among which the VPLs are interleaved.
     interleave: u32,
-    /// Sets of VPLs: `interleave`².
+    /// Sets of VPLs and of sky samples: `interleave`². Each represents all light.
     sets: u32,
     /// VPLs in each set.
     per_set: u32,
+    /// Sky samples in each set.
+    sky_samples: u32,
     /// Which samples of the weights: 0 while something changes, others at rest.
     sequence: u32,
+    /// Width and height of a low-resolution pixel, in pixels.
+    cell_width: u32,
+    cell_height: u32,
 }
 
 /// A surface point that stands for all visible surfaces, with others (or, for bounces, for all

@@ -3,7 +3,8 @@
 
 use bevy::math::Vec3;
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d,
+    uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
     BindGroupEntries, BindGroupLayoutEntries, ShaderStages, StorageTextureAccess, TextureFormat,
@@ -35,7 +36,7 @@ impl Filter {
                 texture_2d(TextureSampleType::Uint),
                 texture_depth_2d(),
                 uniform_buffer_sized(false, None),
-                uniform_buffer_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
                 texture_2d(TextureSampleType::Float { filterable: false }),
                 texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
             ),
@@ -55,14 +56,14 @@ impl Filter {
 
     fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &[u16]) -> Vec<f64> {
         let halves: Vec<[u16; 4]> = light.iter().map(|half| [*half, *half, *half, ONE]).collect();
-        let (view, settings) = (pixels.view(stage, plane), gather::settings(stage));
+        let (view, plan) = (pixels.view(stage, plane), gather::plan(stage, 0));
         let (input, texture) = (pixels.input(stage, &halves), pixels.output(stage));
         let output = texture.create_view(&Default::default());
         let bindings = BindGroupEntries::sequential((
             &pixels.g_buffer,
             &pixels.depth,
             view.as_entire_binding(),
-            settings.as_entire_binding(),
+            plan.as_entire_binding(),
             &input,
             &output,
         ));

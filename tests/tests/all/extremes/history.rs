@@ -3,7 +3,8 @@
 
 use bevy::math::{Vec2, Vec3};
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d,
+    uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
     BindGroupEntries, BindGroupLayoutEntries, ShaderStages, StorageTextureAccess, TextureFormat,
@@ -40,7 +41,7 @@ impl TemporalFilter {
                 texture_2d(TextureSampleType::Uint),
                 texture_depth_2d(),
                 uniform_buffer_sized(false, None),
-                uniform_buffer_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
                 light(),
                 light(),
                 uniform_buffer_sized(false, None),
@@ -93,9 +94,9 @@ impl TemporalFilter {
         let light = |of: &[[u16; 2]]| {
             of.iter().map(|[light, alpha]| [*light, *light, *light, *alpha]).collect::<Vec<_>>()
         };
-        let (view, settings, history_uniform) = (
+        let (view, plan, history_uniform) = (
             pixels.view(stage, &PLANE),
-            gather::settings(stage),
+            gather::plan(stage, 0),
             kernel::buffer(stage, &gpu::bytes(&words)),
         );
         let (filtered, history_texture, texture) = (
@@ -110,7 +111,7 @@ impl TemporalFilter {
             &pixels.g_buffer,
             &pixels.depth,
             view.as_entire_binding(),
-            settings.as_entire_binding(),
+            plan.as_entire_binding(),
             &filtered,
             &history_texture,
             history_uniform.as_entire_binding(),

@@ -12,8 +12,7 @@ use std::sync::{Mutex, PoisonError};
 
 use bevy::app::{App, PostUpdate};
 use bevy::asset::{
-    AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages, embedded_asset,
-    load_embedded_asset,
+    AssetId, Assets, Handle, RenderAssetUsages, embedded_asset, load_embedded_asset,
 };
 use bevy::core_pipeline::schedule::camera_driver;
 use bevy::ecs::prelude::*;
@@ -30,6 +29,7 @@ use bevy::render::storage::{GpuShaderBuffer, ShaderBuffer};
 use bevy::render::texture::GpuImage;
 use bevy::render::{GpuResourceAppExt, RenderApp};
 
+use super::{MeshChanges, note_changes};
 use crate::gi::compute::{Kernel, compute_pass, filled_buffer, write};
 use crate::gi::schedule::SceneSystems;
 
@@ -127,7 +127,7 @@ pub(super) fn build(app: &mut App) {
     app.init_resource::<GiTextureCopies>()
         .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
         // Before surfaces are read, so that they find no copy of an image that changed.
-        .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(AssetEventSystems));
+        .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(note_changes));
 }
 
 pub(in crate::gi) fn finish(app: &mut App) {
@@ -141,16 +141,14 @@ pub(in crate::gi) fn finish(app: &mut App) {
 fn ask(
     mut copies: ResMut<GiTextureCopies>,
     mut requests: Query<&mut CopyRequest>,
-    mut events: Option<MessageReader<AssetEvent<Image>>>,
+    changes: Res<MeshChanges>,
     (images, buffers): (Option<Res<Assets<Image>>>, Option<ResMut<Assets<ShaderBuffer>>>),
     mut commands: Commands,
 ) {
     let copies = &mut *copies;
     // A copy that cannot be had now may be later: an image that is replaced counts as changed.
-    for event in events.iter_mut().flat_map(MessageReader::read) {
-        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            copies.forget(*id, &mut commands);
-        }
+    for image in &changes.images {
+        copies.forget(*image, &mut commands);
     }
     for mut request in &mut requests {
         request.frames += 1;
