@@ -2,8 +2,6 @@
 
 use frugal_core::frontier::{Corner, Frontier, FrontierMap};
 
-use crate::inspect::{Gain, gain};
-
 use super::{
     Axis, BLUE, Curve, Fact, GREY, Plot, RGBColor, Report, provenance, settings_table, staircase,
 };
@@ -62,8 +60,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         ),
         _ => "there is no shared frontier".to_owned(),
     };
-    let views =
-        gain(map).map_or_else(|| "there is no choice between settings".to_owned(), Gain::sentence);
     let budgets = match map.error_rates.0.as_slice() {
         [first, .., last] => {
             format!("errors of {} to {} are calibrated", first.budget, last.budget)
@@ -97,7 +93,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
             ),
         ),
         ("power", power),
-        ("views", views),
         ("budgets", budgets),
         (
             "thresholds",
