@@ -1,4 +1,4 @@
-//! The six view directions, ordered by their share of a camera's image.
+//! The view direction with the largest share of a camera's image.
 //!
 //! Wang et al. 2016, section 3.6, project the view frustum onto the cube map of the leaf's faces
 //! and select the face with the largest part of it. We cast a fixed grid of rays through the image
@@ -27,11 +27,11 @@ const PARALLAX: f32 = 0.5;
 /// Vertical field of view where the view's is NaN: 60 degrees, in radians.
 const FALLBACK_FOV: f32 = std::f32::consts::FRAC_PI_3;
 
-/// The six view directions in order of decreasing share of the image.
+/// The view direction with the largest share of the image.
 ///
 /// `in_leaf` is the camera's position, with the leaf spanning 0 to 1 on each axis. Any view is
 /// valid: NaN is replaced by a default, and numbers out of range are clamped.
-pub(super) fn directions_by_coverage(in_leaf: Vec3, view: &CameraView) -> [ViewDirection; 6] {
+pub(super) fn widest_direction(in_leaf: Vec3, view: &CameraView) -> ViewDirection {
     let rotation = unit_rotation(view.rotation);
     let tangent = (not_nan_or(view.vertical_fov, FALLBACK_FOV).clamp(1e-3, 3.1) * 0.5).tan();
     let (half_height, half_width) =
@@ -47,15 +47,14 @@ pub(super) fn directions_by_coverage(in_leaf: Vec3, view: &CameraView) -> [ViewD
     let to_lower = (0.5 + origin).recip();
 
     let counts = faces(forward, right, up, to_upper, to_lower);
-    // Ties, mostly of empty shares, are ordered by the angle to the camera's forward direction.
+    // Of equal shares that nearest to the camera's forward direction.
     let score = |direction: ViewDirection| {
         counts[direction.index()] as f32 + 0.4 * forward.dot(direction.forward())
     };
-    let mut directions = ViewDirection::ALL;
-    let scores = directions.map(score);
-    directions
-        .sort_unstable_by(|a, b| scores[b.index()].total_cmp(&scores[a.index()]).then(a.cmp(b)));
-    directions
+    let [first, others @ ..] = ViewDirection::ALL;
+    others
+        .into_iter()
+        .fold(first, |best, other| if score(other) > score(best) { other } else { best })
 }
 
 /// Centre of the `index`-th of [`RAYS`] equal intervals of −1 to 1.
@@ -136,7 +135,7 @@ mod tests {
                 let in_leaf =
                     Vec3::new(steps[number % 6], steps[number / 6 % 6], steps[number / 36]);
                 assert_eq!(
-                    directions_by_coverage(in_leaf, &looking(direction.rotation()))[0],
+                    widest_direction(in_leaf, &looking(direction.rotation())),
                     direction,
                     "at {in_leaf}"
                 );
@@ -152,45 +151,34 @@ mod tests {
             aspect: 1.0,
             ..looking(Quat::from_rotation_y(-degrees.to_radians()))
         };
-        let order = directions_by_coverage(Vec3::splat(0.5), &square(40.0));
-        assert_eq!(order[..2], [ViewDirection::NegativeZ, ViewDirection::PositiveX]);
-        let order = directions_by_coverage(Vec3::splat(0.5), &square(50.0));
-        assert_eq!(order[..2], [ViewDirection::PositiveX, ViewDirection::NegativeZ]);
+        let centre = Vec3::splat(0.5);
+        assert_eq!(widest_direction(centre, &square(40.0)), ViewDirection::NegativeZ);
+        assert_eq!(widest_direction(centre, &square(50.0)), ViewDirection::PositiveX);
+        // Of equal shares, the direction nearest to the camera's.
+        assert_eq!(widest_direction(centre, &square(44.0)), ViewDirection::NegativeZ);
+        assert_eq!(widest_direction(centre, &square(46.0)), ViewDirection::PositiveX);
         // Nearer to the +X face, more of the image leaves by it.
-        let order = directions_by_coverage(Vec3::new(1.0, 0.5, 0.5), &square(40.0));
-        assert_eq!(order[..2], [ViewDirection::PositiveX, ViewDirection::NegativeZ]);
-    }
-
-    #[test]
-    fn views_without_a_share_are_ranked_by_direction() {
-        let order = directions_by_coverage(
-            Vec3::splat(0.5),
-            &CameraView { vertical_fov: 0.01, ..looking(Quat::from_rotation_x(0.1)) },
-        );
-        assert_eq!(order[0], ViewDirection::NegativeZ);
-        assert_eq!(order[1], ViewDirection::PositiveY, "the camera is tilted up");
-        assert_eq!(order[5], ViewDirection::PositiveZ);
+        let right = Vec3::new(1.0, 0.5, 0.5);
+        assert_eq!(widest_direction(right, &square(40.0)), ViewDirection::PositiveX);
     }
 
     proptest! {
         #[test]
-        fn any_view_returns_all_six_directions(
+        fn no_view_panics(
             in_leaf in prop::array::uniform3(prop::num::f32::ANY),
             rotation in prop::array::uniform4(prop::num::f32::ANY),
             vertical_fov in prop::num::f32::ANY,
             aspect in prop::num::f32::ANY,
         ) {
             let view = CameraView { position: Vec3::NAN, rotation: Quat::from_array(rotation), vertical_fov, aspect };
-            let mut order = directions_by_coverage(Vec3::from_array(in_leaf), &view);
-            order.sort();
-            prop_assert_eq!(order, ViewDirection::ALL);
+            let _ = widest_direction(Vec3::from_array(in_leaf), &view);
         }
 
         #[test]
         fn the_scale_of_the_rotation_has_no_effect(rotation in prop::array::uniform4(-1.0_f32..1.0), scale in 0.1_f32..10.0) {
             let unit = Quat::from_array(rotation);
             prop_assume!(unit.length() > 0.1);
-            let at = |rotation| directions_by_coverage(Vec3::splat(0.5), &CameraView { vertical_fov: 0.02, ..looking(rotation) })[0];
+            let at = |rotation| widest_direction(Vec3::splat(0.5), &CameraView { vertical_fov: 0.02, ..looking(rotation) });
             // Powers of two scale without rounding.
             let scale = scale.log2().round().exp2();
             prop_assert_eq!(at(unit), at(unit * scale));
