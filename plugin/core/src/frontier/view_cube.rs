@@ -44,7 +44,16 @@ pub(super) fn widest_direction(in_leaf: Vec3, view: &CameraView) -> ViewDirectio
     let to_upper = (0.5 - origin).recip();
     let to_lower = (0.5 + origin).recip();
 
-    let counts = faces(forward, right, up, to_upper, to_lower);
+    // Through an edge by the face of the first axis.
+    let mut counts = [0_u32; 6];
+    for row in 0..RAYS {
+        for column in 0..RAYS {
+            let ray = forward + up * offset(row) + right * offset(column);
+            // Both distances are positive, so the greater product is the one of the side ahead.
+            let axis = (ray * to_upper).max(-ray * to_lower).max_position();
+            counts[2 * axis + usize::from(ray[axis] < 0.0)] += 1;
+        }
+    }
     // Of equal shares that nearest to the camera's forward direction.
     let score = |direction: ViewDirection| {
         counts[direction.index()] as f32 + 0.4 * forward.dot(direction.forward())
@@ -58,43 +67,6 @@ pub(super) fn widest_direction(in_leaf: Vec3, view: &CameraView) -> ViewDirectio
 /// Centre of the `index`-th of [`RAYS`] equal intervals of −1 to 1.
 fn offset(index: usize) -> f32 {
     (2 * index + 1) as f32 / RAYS as f32 - 1.0
-}
-
-/// Number of rays that leave by each face. A ray through an edge leaves by the face of the first
-/// axis.
-///
-/// Goes by rows, with masks and arithmetic that wraps: branches that no CPU can predict, and checks
-/// of overflow, would keep the compiler from vector instructions.
-fn faces(forward: Vec3, right: Vec3, up: Vec3, to_upper: Vec3, to_lower: Vec3) -> [u32; 6] {
-    let mask = |is: bool| 0_u32.wrapping_sub(u32::from(is));
-    let [right, to_upper, to_lower] = [right, to_upper, to_lower].map(|it| it.to_array());
-    let mut counts = [[0_u32; RAYS]; 6];
-    for row in 0..RAYS {
-        let along_row = (forward + up * offset(row)).to_array();
-        let (mut rays, mut rates) = ([[0.0_f32; RAYS]; 3], [[0.0_f32; RAYS]; 3]);
-        for axis in 0..3 {
-            for lane in 0..RAYS {
-                let ray = along_row[axis] + right[axis] * offset(lane);
-                // Both distances are positive, so the greater product is the one of the side ahead.
-                let (upper, lower) = (ray * to_upper[axis], -ray * to_lower[axis]);
-                rays[axis][lane] = ray;
-                rates[axis][lane] = if upper > lower { upper } else { lower };
-            }
-        }
-        for lane in 0..RAYS {
-            let [x, y, z] = [rates[0][lane], rates[1][lane], rates[2][lane]];
-            let along_x = mask(x >= y) & mask(x >= z);
-            let along_y = !along_x & mask(y >= z);
-            let along = [along_x, along_y, !(along_x | along_y)];
-            for axis in 0..3 {
-                let is_lower = mask(rays[axis][lane] < 0.0);
-                let [upper, lower] = [along[axis] & !is_lower, along[axis] & is_lower];
-                counts[2 * axis][lane] = counts[2 * axis][lane].wrapping_sub(upper);
-                counts[2 * axis + 1][lane] = counts[2 * axis + 1][lane].wrapping_sub(lower);
-            }
-        }
-    }
-    counts.map(|lanes| lanes.iter().sum())
 }
 
 #[cfg(test)]
