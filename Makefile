@@ -80,7 +80,7 @@ bench: setup
 	scripts/run cargo bench --workspace --bench $(BENCH) --profile dev -- $(ARGS)
 
 # Bevy-free, so that --workspace is not needed, nor a graphics driver.
-EXAMPLES = cargo run --package frugal_search --example
+EXAMPLES = cargo run --package frugal_search --features testing --example
 
 figures:
 	$(EXAMPLES) policies -- --json docs/data/policies.json

@@ -40,7 +40,7 @@ fn invalid_and_empty_maps_are_rejected_until_they_change() {
     assert_eq!(change(&mut app, newer), ControlStatus::Off(OffReason::MapInvalid));
     assert_eq!(applied(&app, camera), at(4, 2), "settings stay as they were");
     let mut empty = testing::map(1);
-    empty.octree.corners.iter_mut().for_each(|corner| corner.frontiers = [Corner::UNKNOWN; 6]);
+    empty.octree.frontiers.fill(Frontier::default());
     assert_eq!(change(&mut app, empty), ControlStatus::Off(OffReason::NothingKnown));
     assert_eq!(change(&mut app, testing::map(1)), ControlStatus::Active(Outcome::Met));
     // Another knob space: its levels do not correspond to the old ones, so no transition is

@@ -20,7 +20,7 @@ use crate::control::{
     SettingsSwitched,
 };
 use crate::frontier::{
-    Corner, FrontierMapPlugin, FrontierStore, SampleRef, SceneIdentity, SharedKnobs, ViewDirection,
+    FrontierMapPlugin, FrontierStore, SampleRef, SceneIdentity, SharedKnobs, ViewDirection,
 };
 use crate::knobs::{KnobLevels, KnobSettings};
 use crate::power::{MeterInfo, MeterState, Provenance};

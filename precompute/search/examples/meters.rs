@@ -1,5 +1,5 @@
 //! The controller with meters that are late, of another device, or lost, on the records of docs/data/records:
-//! `cargo run -p frugal_search --example meters [FOLDER] [--json FILE]`.
+//! `cargo run -p frugal_search --features testing --example meters [FOLDER] [--json FILE]`.
 
 #[path = "shared/mod.rs"]
 mod shared;
@@ -9,9 +9,8 @@ use std::collections::VecDeque;
 use frugal_core::control::{Budget, ControlSettings};
 use frugal_core::frontier::CostPoint;
 use frugal_core::units::Watts;
-use frugal_search::evaluate::{
-    BudgetRequest, Choice, Controller, Policy, Pose, PowerBudget, read_records,
-};
+use frugal_search::evaluate::{BudgetRequest, Choice, Controller, Policy, Pose, PowerBudget};
+use frugal_search::testing::read_records;
 use serde::Serialize;
 use shared::{Arguments, lines, rounded, write};
 

@@ -1,6 +1,6 @@
-//! Plays every policy on the records of docs/data/records: `cargo run --release -p frugal_search --example
-//! policies [FOLDER] [--json FILE]`. Prints, for each path and power budget, errors and what became of the
-//! budget. The file holds the same, and the medians of other searches' records, in FOLDER/seed-*.
+//! Plays every policy on the records of docs/data/records: `cargo run --release -p frugal_search --features
+//! testing --example policies [FOLDER] [--json FILE]`. Prints, for each path and power budget, errors and what
+//! became of the budget. The file holds the same, and the medians of other searches' records, in FOLDER/seed-*.
 
 #[path = "shared/mod.rs"]
 mod shared;
@@ -8,9 +8,9 @@ mod shared;
 use frugal_core::control::ControlSettings;
 use frugal_core::frontier::FrontierMap;
 use frugal_search::evaluate::{
-    Baselines, BudgetRequest, EvaluationResult, PowerBudget, RecordFile, RunResult, Trial,
-    read_records,
+    Baselines, BudgetRequest, EvaluationResult, PowerBudget, RunResult, Trial,
 };
+use frugal_search::testing::{RecordFile, read_records};
 use serde::Serialize;
 use shared::{Arguments, lines, rounded, write};
 

@@ -4,13 +4,11 @@
 //! | item | job |
 //! |---|---|
 //! | [`compare`], [`MapComparison`] | power at equal error, old against new: an energy gate |
-//! | [`gain`] | whether a level needs a map: what distinguishing views saves |
 //! | [`presets`], [`Presets`] | battery, low, medium, high and ultra, from the shared frontier |
 //! | [`comparison_table`], [`presets_table`] | both as text |
 
 mod comparable;
 mod compare;
-mod gain;
 mod presets;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -19,7 +17,6 @@ use std::fmt::Write as _;
 
 use compare::Change;
 pub(crate) use compare::{MapComparison, compare};
-pub(crate) use gain::{Gain, gain};
 pub(crate) use presets::{Presets, presets};
 
 /// `comparison` as plain text; every line ends with a line break.

@@ -1,8 +1,6 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use frugal_core::frontier::{Corner, Frontier, FrontierMap};
-
-use crate::inspect::{Gain, gain};
+use frugal_core::frontier::{Frontier, FrontierMap};
 
 use super::{
     Axis, BLUE, Curve, Fact, GREY, Plot, RGBColor, Report, provenance, settings_table, staircase,
@@ -53,8 +51,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
     let ([west, down, north], [east, up, south]) = (map.bounds.min, map.bounds.max);
     let [width, height] = map.capture.size;
     let points: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let indices = octree.corners.iter().flat_map(|corner| corner.frontiers);
-    let known = indices.filter(|index| *index != Corner::UNKNOWN).count();
     let power = match map.shared.points() {
         [first, .., last] => format!(
             "{:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
@@ -62,8 +58,6 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         ),
         _ => "there is no shared frontier".to_owned(),
     };
-    let views =
-        gain(map).map_or_else(|| "there is no choice between settings".to_owned(), Gain::sentence);
     let budgets = match map.error_rates.0.as_slice() {
         [first, .., last] => {
             format!("errors of {} to {} are calibrated", first.budget, last.budget)
@@ -91,13 +85,12 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
         (
             "frontiers",
             format!(
-                "{}, {points} points; {known} of {} views have one",
+                "{} with {points} points, for {} views",
                 octree.frontiers.len(),
                 6 * octree.corners.len()
             ),
         ),
         ("power", power),
-        ("views", views),
         ("budgets", budgets),
         (
             "thresholds",
@@ -118,7 +111,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use frugal_core::frontier::{
-        Bounds, Capture, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
+        Bounds, Capture, Corner, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
     };
     use frugal_core::knobs::KnobSpace;
 
@@ -135,10 +128,7 @@ mod tests {
         let whole = Frontier::from_points(space.iter().map(point));
         let single = Frontier::from_points([point(space.lowest())]);
         let corners = (0..8u16)
-            .map(|i| Corner {
-                at: [i >> 2, i >> 1 & 1, i & 1],
-                frontiers: [0, 1, 0, Corner::UNKNOWN, 0, 0],
-            })
+            .map(|i| Corner { at: [i >> 2, i >> 1 & 1, i & 1], frontiers: [0, 1, 0, 2, 0, 0] })
             .collect();
         Octree {
             levels: 0,
@@ -164,7 +154,7 @@ mod tests {
     fn a_map_is_described() {
         let html = map_report(&map(octree()), &[]).unwrap();
         for text in [
-            "40 of 48",
+            "for 48 views",
             "(-8, 0.5, -4) and (8, 6, 4) m",
             "0.5 W or an error of 0.005",
             "those of the addresses",

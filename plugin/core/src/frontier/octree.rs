@@ -10,54 +10,28 @@ use super::{Frontier, ViewDirection};
 
 /// A lattice position with its frontiers.
 ///
-/// Serialised as nine integers: `at`, then `frontiers` with −1 for [`UNKNOWN`](Self::UNKNOWN). A
-/// map has hundreds of corners; field names would make up most of its file.
+/// Serialised as nine integers: `at`, then `frontiers`. A map has hundreds of corners; field names
+/// would make up most of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "[i64; 9]", into = "[i64; 9]")]
+#[serde(from = "Numbers", into = "Numbers")]
 pub struct Corner {
     /// Lattice coordinates: the root spans 0 to 2^`levels` on each axis.
     pub at: [u16; 3],
-    /// Index into [`Octree::frontiers`] for each [`ViewDirection`], in index order;
-    /// [`Corner::UNKNOWN`] for an empty view.
+    /// Index into [`Octree::frontiers`] for each [`ViewDirection`], in index order.
     pub frontiers: [u32; 6],
 }
 
-impl Corner {
-    /// Index of a view without a frontier: an empty view, or a camera inside geometry.
-    pub const UNKNOWN: u32 = u32::MAX;
-}
+type Numbers = (u16, u16, u16, u32, u32, u32, u32, u32, u32);
 
-impl TryFrom<[i64; 9]> for Corner {
-    type Error = String;
-
-    fn try_from(numbers: [i64; 9]) -> Result<Self, String> {
-        let refused = |number: &i64| {
-            format!(
-                "{number} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"
-            )
-        };
-        let mut corner = Self { at: [0; 3], frontiers: [Self::UNKNOWN; 6] };
-        for (to, number) in corner.at.iter_mut().zip(&numbers[..3]) {
-            *to = u16::try_from(*number).map_err(|_| refused(number))?;
-        }
-        for (to, number) in corner.frontiers.iter_mut().zip(&numbers[3..]) {
-            if *number != -1 {
-                let index = u32::try_from(*number).ok().filter(|index| *index != Self::UNKNOWN);
-                *to = index.ok_or_else(|| refused(number))?;
-            }
-        }
-        Ok(corner)
+impl From<Numbers> for Corner {
+    fn from((x, y, z, a, b, c, d, e, f): Numbers) -> Self {
+        Self { at: [x, y, z], frontiers: [a, b, c, d, e, f] }
     }
 }
 
-impl From<Corner> for [i64; 9] {
-    fn from(corner: Corner) -> Self {
-        let frontier = |number: usize| Some(corner.frontiers[number.checked_sub(3)?]);
-        std::array::from_fn(|number| match frontier(number) {
-            None => i64::from(corner.at[number]),
-            Some(Corner::UNKNOWN) => -1,
-            Some(index) => i64::from(index),
-        })
+impl From<Corner> for Numbers {
+    fn from(Corner { at: [x, y, z], frontiers: [a, b, c, d, e, f] }: Corner) -> Self {
+        (x, y, z, a, b, c, d, e, f)
     }
 }
 
@@ -144,7 +118,7 @@ impl Octree {
         self.corners.binary_search_by(|corner| corner.at.cmp(&at)).ok()
     }
 
-    /// The frontier of one view of a corner: `None` where it is unknown or empty.
+    /// The frontier of one view of a corner: `None` where it is empty.
     pub fn frontier(&self, corner: &Corner, direction: ViewDirection) -> Option<&Frontier> {
         self.frontiers
             .get(corner.frontiers[direction.index()] as usize)
@@ -180,7 +154,7 @@ impl Octree {
             }
             previous = Some(at);
             let count = self.frontiers.len();
-            let missing = |index: &&u32| **index != Corner::UNKNOWN && **index as usize >= count;
+            let missing = |index: &&u32| **index as usize >= count;
             if let Some(&index) = corner.frontiers.iter().find(missing) {
                 return Err(format!(
                     "octree corner {at:?} uses frontier {index}, but there are only {count}"

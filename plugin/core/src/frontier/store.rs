@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::view_cube::directions_by_coverage;
+use super::view_cube::widest_direction;
 use super::{
     Bounds, CameraView, Conditions, Frontier, FrontierMap, KnobEffects, Leaf, Octree, SharedLevels,
     ViewDirection,
@@ -53,7 +53,7 @@ pub trait FrontierStore: Send + Sync {
     }
 }
 
-/// First candidate of a look-up: an octree corner and a view direction.
+/// Where a look-up finds a frontier: an octree corner and a view direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Address {
     /// Lattice coordinates of the corner.
@@ -66,19 +66,12 @@ pub struct Address {
 /// over `bounds`: the leaf's nearest corner, and the view direction that covers most of the image
 /// (Wang et al. 2016, section 3.6).
 pub fn address_in(bounds: &Bounds, levels: u8, leaf: Leaf, view: &CameraView) -> Address {
-    let in_leaf =
-        position_in(bounds, f32::from(1_u16 << levels.min(Octree::MAX_LEVELS)), leaf, view);
-    let corner = corners_by_distance(in_leaf, bounds.extent())[0];
-    Address {
-        at: leaf.corner(usize::from(corner)),
-        direction: directions_by_coverage(in_leaf, view)[0],
-    }
-}
-
-/// The camera's position, with the leaf spanning 0 to 1 on each axis.
-fn position_in(bounds: &Bounds, lattice: f32, leaf: Leaf, view: &CameraView) -> Vec3 {
-    (bounds.to_unit(view.position) * lattice - Vec3::from_array(leaf.min.map(f32::from)))
-        / f32::from(leaf.size)
+    let lattice = f32::from(1_u16 << levels.min(Octree::MAX_LEVELS));
+    let min = Vec3::from_array(leaf.min.map(f32::from));
+    let in_leaf = (bounds.to_unit(view.position) * lattice - min) / f32::from(leaf.size);
+    // Halfway, the lower corner.
+    let corner = (0..3).map(|axis| usize::from(in_leaf[axis] > 0.5) << axis).sum();
+    Address { at: leaf.corner(corner), direction: widest_direction(in_leaf, view) }
 }
 
 /// A camera with a known frontier.
@@ -106,9 +99,7 @@ impl FrontierStore for FrontierMap {
     /// Wang et al. 2016, section 3.6: the leaf that contains the camera, the view direction that
     /// covers most of its image, and the nearest corner.
     ///
-    /// Where that corner has no frontier for that direction, the next nearest corner of the leaf
-    /// that has one; where none has, the direction with the next largest share of the image. A
-    /// camera outside the bounds counts as one at the nearest position inside.
+    /// A camera outside the bounds counts as one at the nearest position inside.
     fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
         look_up_in(&self.octree, &self.bounds, view)
     }
@@ -152,44 +143,12 @@ pub fn look_up_in<'a>(
     view: &CameraView,
 ) -> Option<SampleRef<'a>> {
     let leaf = octree.leaf_at(bounds.to_unit(view.position));
-    let lattice = f32::from(octree.lattice());
-    let in_leaf = position_in(bounds, lattice, leaf, view);
-    let corners = corners_by_distance(in_leaf, bounds.extent());
-    for direction in directions_by_coverage(in_leaf, view) {
-        for number in corners {
-            let at = leaf.corner(usize::from(number));
-            let Some(index) = octree.corner_index(at) else { continue };
-            let Some(frontier) = octree.frontier(&octree.corners[index], direction) else {
-                continue;
-            };
-            let position = bounds.from_unit(Vec3::from_array(at.map(f32::from)) / lattice);
-            return Some(SampleRef {
-                camera: SampleCamera { corner: index as u32, position, direction },
-                frontier,
-            });
-        }
-    }
-    None
-}
-
-/// Numbers of a leaf's eight corners in order of distance to `in_leaf`, for a leaf with the
-/// proportions of `extent`.
-///
-/// Ties are in order of the numbers, so that a static camera keeps its sample camera.
-fn corners_by_distance(in_leaf: Vec3, extent: Vec3) -> [u8; 8] {
-    let to_lower = in_leaf * extent;
-    let to_upper = (Vec3::ONE - in_leaf) * extent;
-    let (to_lower, to_upper) = (to_lower * to_lower, to_upper * to_upper);
-    let distances: [f32; 8] = std::array::from_fn(|number| {
-        (0..3)
-            .map(|axis| if number >> axis & 1 == 1 { to_upper[axis] } else { to_lower[axis] })
-            .sum()
-    });
-    let mut corners = [0, 1, 2, 3, 4, 5, 6, 7];
-    corners.sort_unstable_by(|a, b| {
-        distances[usize::from(*a)].total_cmp(&distances[usize::from(*b)]).then(a.cmp(b))
-    });
-    corners
+    let Address { at, direction } = address_in(bounds, octree.levels, leaf, view);
+    let index = octree.corner_index(at)?;
+    let frontier = octree.frontier(&octree.corners[index], direction)?;
+    let unit = Vec3::from_array(at.map(f32::from)) / f32::from(octree.lattice());
+    let position = bounds.from_unit(unit);
+    Some(SampleRef { camera: SampleCamera { corner: index as u32, position, direction }, frontier })
 }
 
 #[cfg(test)]

@@ -71,7 +71,7 @@ impl ViewDirection {
 pub struct CameraView {
     /// World position, metres.
     pub position: Vec3,
-    /// World rotation; the camera looks along its own −Z.
+    /// World rotation, of length 1; the camera looks along its own −Z.
     pub rotation: Quat,
     /// Vertical field of view, radians, in (0, π).
     pub vertical_fov: f32,

@@ -4,7 +4,7 @@
 use std::fmt::Debug;
 
 use bevy_frugal_gi::control::{
-    Budget, ControlStatus, FeedbackState, Outcome, PowerCorrection, PowerFeedback, Selection,
+    Budget, ControlStatus, FeedbackState, PowerCorrection, PowerFeedback, Selection,
 };
 use bevy_frugal_gi::error_meter::MeasuredError;
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
@@ -107,15 +107,7 @@ impl Facts<'_> {
         };
         match selection.status {
             ControlStatus::Waiting => "waiting for the map".to_owned(),
-            ControlStatus::Active(Outcome::Met) => "met".to_owned(),
-            ControlStatus::Active(Outcome::Settling) => "settling".to_owned(),
-            ControlStatus::Active(Outcome::PowerCannotBeMet) => {
-                "power not met by the cheapest".to_owned()
-            }
-            ControlStatus::Active(Outcome::ErrorCannotBeMet) => {
-                "error not met by the best".to_owned()
-            }
-            ControlStatus::Active(Outcome::LimitedByPower) => "power met, error not".to_owned(),
+            ControlStatus::Active(outcome) => words(&outcome),
             ControlStatus::Off(reason) => format!("off: {}", words(&reason)),
             status => words(&status),
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use bevy_frugal_gi::control::{Limit, OffReason};
+use bevy_frugal_gi::control::{Limit, OffReason, Outcome};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Joules;
 

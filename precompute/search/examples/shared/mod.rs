@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use frugal_search::evaluate::{Made, RecordFile};
+use frugal_search::evaluate::Made;
+use frugal_search::testing::RecordFile;
 use serde::Serialize;
 
 /// `[FOLDER] [--json FILE]`.

@@ -4,7 +4,6 @@
 //! |---|---|
 //! | `budget` | `7W`, `60%`, `0.02`: reading budgets, resolving percentages |
 //! | `record` | power and error of many settings at every frame of a path; policies are simulated from it |
-//! | `data` | records as small files |
 //! | `result` | results, as JSON |
 //! | `baselines` | constants, oracles, and the reactive ladder |
 //! | `controlled` | the plugin's controller as a policy |
@@ -13,7 +12,6 @@
 mod baselines;
 mod budget;
 mod controlled;
-mod data;
 mod judge;
 mod record;
 mod result;
@@ -25,10 +23,9 @@ use frugal_core::units::Watts;
 pub use baselines::{Reactive, ladder};
 pub use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub use controlled::Controller;
-pub use data::{Made, RecordFile, read_records};
 pub use judge::{Baselines, Trial, settings_to_record};
 pub use record::PathRecord;
-pub use result::{Drift, EvaluationResult, RunResult, SpotCheck};
+pub use result::{Drift, EvaluationResult, Made, RunResult, SpotCheck};
 
 /// A camera's pose.
 pub type Pose = frugal_trace::scene::CameraPose;

@@ -10,7 +10,6 @@ use crate::journal::read_cost;
 use crate::table::CostTable;
 use frugal_core::frontier::CostPoint;
 use frugal_core::knobs::{KnobLevels, KnobSpace};
-use frugal_core::units::Watts;
 
 use super::{Choice, FrameRecord, PathPlan, Policy};
 
@@ -79,14 +78,6 @@ impl PathRecord {
             }
         });
         records.collect()
-    }
-
-    /// Mean power of the cheapest and of the dearest settings that are known in every frame.
-    pub fn power_range(&self) -> [Watts; 2] {
-        let means = self.table.means().map(|(_, cost)| cost.power.0);
-        let (low, high) = means
-            .fold((f64::INFINITY, 0.0_f64), |(low, high), power| (low.min(power), high.max(power)));
-        [Watts(low), Watts(high)]
     }
 
     /// Cost of `settings` at a frame. `last`: the last recorded settings of the run. Unrecorded

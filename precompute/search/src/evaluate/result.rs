@@ -18,6 +18,19 @@ const ALLOWED: f64 = 1.02;
 /// error step that subdivision considers.
 const NOTABLE_NOISE: f64 = 0.001;
 
+/// How figures of docs/data were made.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Made {
+    /// The machine.
+    pub machine: String,
+    /// The graphics driver.
+    pub driver: String,
+    /// The day, as year-month-day.
+    pub date: String,
+    /// The command lines.
+    pub command: Vec<String>,
+}
+
 /// Power and error of every run along one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationResult {

@@ -36,8 +36,8 @@ const INFILL: f64 = 0.35;
 /// at sampling one.
 const TRIES: usize = 16;
 
-/// Finds the frontier of `space` by `cost`. Settings of `inherit` that are in the space are evaluated
-/// first, with half of the evaluations at most. Costs that are not finite are left out. `seed` decides
+/// Finds the frontier of `space` by `cost`. Settings of `inherit`, which are in the space, are
+/// evaluated first. Costs that are not finite are left out. `seed` decides
 /// every random choice.
 pub(crate) fn nsga2(
     space: &KnobSpace,
@@ -53,8 +53,8 @@ pub(crate) fn nsga2(
     let mut run = Run { space, cost, known, random, limit };
     run.evaluate(space.highest());
     run.evaluate(space.lowest());
-    for settings in spread(space, inherit, limit / 2) {
-        run.evaluate(settings);
+    for settings in inherit {
+        run.evaluate(*settings);
     }
     if combinations <= limit as u64 {
         for settings in space.iter() {
@@ -65,16 +65,6 @@ pub(crate) fn nsga2(
         run.infill();
     }
     Frontier::from_points(run.points())
-}
-
-/// At most `count` of `settings`, each once, spread evenly over the list.
-fn spread(space: &KnobSpace, settings: &[KnobLevels], count: usize) -> Vec<KnobLevels> {
-    let unique =
-        space.canonical_once(settings.iter().copied().filter(|settings| space.contains(*settings)));
-    if unique.len() <= count {
-        return unique;
-    }
-    (0..count).map(|index| unique[index * unique.len() / count]).collect()
 }
 
 struct Run<'a> {

@@ -7,7 +7,7 @@ use frugal_core::knobs::{Knob, KnobLevels, KnobSpace};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::{nsga2, random_settings, spread};
+use super::{nsga2, random_settings};
 
 const KNOBS: usize = 16;
 const LEVELS: usize = 16;
@@ -123,14 +123,4 @@ fn costs_that_are_not_finite_are_tolerated() {
     };
     let (found, _) = search(&space(), 0, half);
     assert!(found.points().len() > 5 && found.points().iter().all(|point| point.cost.is_finite()));
-}
-
-#[test]
-fn a_long_inheritance_is_thinned_evenly_and_foreign_settings_are_dropped() {
-    let space =
-        KnobSpace::new(vec![Knob::new("a", [0.0, 1.0, 2.0, 3.0]), Knob::new("b", [0.0, 1.0])])
-            .expect("a valid space");
-    let all: Vec<_> = space.iter().collect();
-    assert_eq!(spread(&space, &all, 4), [all[0], all[2], all[4], all[6]]);
-    assert_eq!(spread(&space, &[all[1], all[1], KnobLevels::from_bits(0xffff)], 4), [all[1]]);
 }

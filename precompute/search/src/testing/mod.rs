@@ -1,6 +1,7 @@
-//! The plugin's knobs, and a synthetic renderer with a finished search on it, for tests.
+//! The plugin's knobs, a synthetic renderer with a finished search on it, and records as data, for tests.
 
 pub mod formula;
+mod records;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,8 @@ use crate::cost::{FrameLayout, Work, work_names};
 use crate::journal::{Existing, Journal, JournalHeader, records_of};
 use crate::pipeline::{Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, run};
 use crate::table::{Batch, Measure, Measured};
+
+pub use records::{RecordFile, read_records};
 
 /// The plugin's knobs, all of them.
 pub fn every_knob() -> KnobSpace {

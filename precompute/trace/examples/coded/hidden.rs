@@ -6,7 +6,7 @@ use frugal_trace::metrics::Radiance;
 use crate::corpus::{Case, SIZE};
 
 /// Rows per second.
-pub(crate) const READ_OUT: f64 = 30_000.0;
+const READ_OUT: f64 = 30_000.0;
 
 /// The picture without a code.
 pub(crate) fn clean(case: &Case) -> Result<Radiance, CodedError> {

@@ -13,7 +13,7 @@ use std::error::Error;
 use std::path::Path;
 
 use corpus::{KINDS, Rate, SIZE};
-use frugal_trace::coded::{CODES, CodedError, Detector, Shutter, Stripes, Waveform, ratios};
+use frugal_trace::coded::{CODES, CodedError, Detector, ratios};
 use frugal_trace::metrics::{Picture, Radiance, tone};
 
 /// Exposures, 1 ÷ second.
@@ -22,13 +22,6 @@ const EXPOSURES: [f64; 4] = [4000.0, 2000.0, 1000.0, 500.0];
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let seeds: u64 = arguments.next().map_or(Ok(1), |text| text.parse())?;
-    println!("stripes of 400 Hz, half on, by exposure: bright, dark (ms of light), rows of each");
-    for per_second in EXPOSURES {
-        let shutter = Shutter::new(1.0 / per_second, 1.0 / hidden::READ_OUT, SIZE.y)?;
-        let Stripes { bright, dark, bright_rows, dark_rows } =
-            Stripes::new(&Waveform::new(400.0, 0.5, 0.0, 1e3)?, &shutter);
-        println!("1/{per_second:4} s {bright:6.3} {dark:6.3} {bright_rows:6.1} {dark_rows:6.1}");
-    }
     for seed in 0..seeds {
         for (name, detector) in [("published", Detector::default()), ("strict", Detector::strict())]
         {

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `waveform` | a square wave, and its integral |
 //! | `sequence` | square waves one after another: scrambled frequencies |
-//! | `shutter` | rows of light, closed forms of their stripes, and images from them |
+//! | `shutter` | rows of light, and images from them |
 //! | `barcode` | codes as ratios of frequencies, and their detector |
 
 mod barcode;
@@ -22,7 +22,7 @@ mod waveform;
 
 pub use barcode::{CODES, Detector, Verdict, barcode, ratios};
 pub use sequence::Sequence;
-pub use shutter::{Shutter, Stripes, compose};
+pub use shutter::{Shutter, compose};
 use waveform::positive;
 pub use waveform::{CodedError, Modulation, Waveform};
 

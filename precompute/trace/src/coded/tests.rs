@@ -14,6 +14,49 @@ fn shutter(exposure: f64, row_time: f64, rows: u32) -> Shutter {
 /// Rows of the cameras.
 const ROWS: u32 = 20_000;
 
+/// Light and width of the stripes of a square wave: Zhu et al. 2017, equations 3 to 6. Light ramps
+/// linearly between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stripes {
+    /// Light of the brightest and darkest rows: the peak's unit × seconds.
+    bright: f64,
+    /// See `bright`.
+    dark: f64,
+    /// Rows of full light in each stripe; infinite where there are no stripes.
+    bright_rows: f64,
+    /// Rows of least light in each stripe; infinite where there are no stripes.
+    dark_rows: f64,
+}
+
+impl Stripes {
+    /// The stripes of `wave` in a frame of `shutter`.
+    ///
+    /// Where the exposure is a whole number of periods, to a billionth of one, all rows have the light of
+    /// that many.
+    fn new(wave: &Waveform, shutter: &Shutter) -> Self {
+        let period = 1.0 / wave.frequency();
+        let (on, off) = (period * wave.duty(), period * (1.0 - wave.duty()));
+        let periods = shutter.exposure * wave.frequency();
+        let (whole, rest) = (periods.floor(), periods - periods.floor());
+        if rest.min(1.0 - rest) < 1e-9 {
+            let light = wave.peak() * on * periods.round();
+            return Self {
+                bright: light,
+                dark: light,
+                bright_rows: f64::INFINITY,
+                dark_rows: f64::INFINITY,
+            };
+        }
+        let rest = rest * period;
+        Self {
+            bright: wave.peak() * (whole * on + rest.min(on)),
+            dark: wave.peak() * (whole * on + (rest - off).max(0.0)),
+            bright_rows: (rest - on).abs() / shutter.row_time,
+            dark_rows: (rest - off).abs() / shutter.row_time,
+        }
+    }
+}
+
 /// Brightest ÷ darkest light of stripes, at least 1.
 fn contrast(stripes: Stripes) -> f64 {
     if stripes.bright == stripes.dark { 1.0 } else { stripes.bright / stripes.dark }

@@ -59,46 +59,8 @@ pub struct Triangle {
 
 /// Why a [`SceneGeometry`] is invalid.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub enum GeometryError {
-    /// An attribute's length differs from the number of positions.
-    #[error("mesh {mesh} has {positions} positions but {found} {attribute}")]
-    AttributeLength {
-        /// Index of the mesh.
-        mesh: usize,
-        /// The attribute.
-        attribute: &'static str,
-        /// Number of positions.
-        positions: usize,
-        /// Number of values of the attribute.
-        found: usize,
-    },
-    /// An index is out of range.
-    #[error("mesh {mesh} names {what} {index}, of which there are {count}")]
-    OutOfRange {
-        /// Index of the mesh.
-        mesh: usize,
-        /// Kind of the index.
-        what: &'static str,
-        /// The index.
-        index: usize,
-        /// Number of valid indices.
-        count: usize,
-    },
-    /// A texture's number of texels is not that of its size, or 0.
-    #[error("texture {texture} is empty or incomplete")]
-    IncompleteTexture {
-        /// Index of the texture.
-        texture: usize,
-    },
-    /// The index count is not a multiple of three.
-    #[error("mesh {mesh} has {count} indices, which is not a multiple of three")]
-    PartialTriangle {
-        /// Index of the mesh.
-        mesh: usize,
-        /// Number of indices.
-        count: usize,
-    },
-}
+#[error("{0}")]
+pub struct GeometryError(String);
 
 /// All geometry of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -137,11 +99,12 @@ impl SceneGeometry {
     /// # Errors
     /// The first one found.
     pub fn validate(&self) -> Result<(), GeometryError> {
+        let error = |problem: String| Err(GeometryError(problem));
         if let Some(texture) = self.textures.iter().position(|texture| !texture.is_complete()) {
-            return Err(GeometryError::IncompleteTexture { texture });
+            return error(format!("texture {texture} is empty or incomplete"));
         }
         for (mesh, data) in self.meshes.iter().enumerate() {
-            let positions = data.positions.len();
+            let (positions, indices) = (data.positions.len(), data.indices.len());
             for (attribute, found, is_optional) in [
                 ("normals", data.normals.len(), false),
                 ("uvs", data.uvs.len(), true),
@@ -149,16 +112,15 @@ impl SceneGeometry {
                 ("colors", data.colors.len(), true),
             ] {
                 if found != positions && !(is_optional && found == 0) {
-                    return Err(GeometryError::AttributeLength {
-                        mesh,
-                        attribute,
-                        positions,
-                        found,
-                    });
+                    return error(format!(
+                        "mesh {mesh} has {positions} positions but {found} {attribute}"
+                    ));
                 }
             }
-            if data.indices.len() % 3 != 0 {
-                return Err(GeometryError::PartialTriangle { mesh, count: data.indices.len() });
+            if indices % 3 != 0 {
+                return error(format!(
+                    "mesh {mesh} has {indices} indices, which is not a multiple of three"
+                ));
             }
             let greatest = data.indices.iter().max().map(|index| *index as usize);
             let textures = self.materials.get(data.material).into_iter().flat_map(|material| {
@@ -172,7 +134,9 @@ impl SceneGeometry {
             .chain(textures)
             {
                 if let Some(index) = index.filter(|index| *index >= count) {
-                    return Err(GeometryError::OutOfRange { mesh, what, index, count });
+                    return error(format!(
+                        "mesh {mesh} names {what} {index}, of which there are {count}"
+                    ));
                 }
             }
         }
@@ -214,32 +178,25 @@ mod tests {
 
     #[test]
     fn broken_geometry_is_named() {
+        let refused = |geometry: &SceneGeometry| geometry.validate().map_err(|error| error.0);
+        let is = |problem: &str| Err(problem.to_owned());
         let mut broken = geometry();
         broken.meshes[1].indices[2] = 3;
-        assert_eq!(
-            broken.validate(),
-            Err(GeometryError::OutOfRange { mesh: 1, what: "vertex", index: 3, count: 3 })
-        );
+        assert_eq!(refused(&broken), is("mesh 1 names vertex 3, of which there are 3"));
         assert_eq!(broken.triangles().count(), 3);
         let mut broken = geometry();
         broken.meshes[2].uvs.pop();
         broken.meshes[2].colors.clear();
-        assert!(matches!(
-            broken.validate(),
-            Err(GeometryError::AttributeLength { mesh: 2, attribute: "uvs", .. })
-        ));
+        assert_eq!(refused(&broken), is("mesh 2 has 3 positions but 2 uvs"));
         let mut broken = geometry();
         broken.materials[2].emissive_texture = Some(TextureUse::plain(0));
-        assert!(matches!(
-            broken.validate(),
-            Err(GeometryError::OutOfRange { what: "texture", .. })
-        ));
+        assert_eq!(refused(&broken), is("mesh 2 names texture 0, of which there are 0"));
         let texels = Texels::Linear(vec![[0; 4]; 3]);
         let (wrap, filter) = Default::default();
         broken.textures = vec![SceneTexture { width: 2, height: 2, texels, wrap, filter }];
-        assert_eq!(broken.validate(), Err(GeometryError::IncompleteTexture { texture: 0 }));
+        assert_eq!(refused(&broken), is("texture 0 is empty or incomplete"));
         let mut broken = geometry();
         broken.meshes[0].indices.pop();
-        assert_eq!(broken.validate(), Err(GeometryError::PartialTriangle { mesh: 0, count: 2 }));
+        assert_eq!(refused(&broken), is("mesh 0 has 2 indices, which is not a multiple of three"));
     }
 }

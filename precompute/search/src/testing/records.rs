@@ -1,27 +1,16 @@
-//! Records as data: what a policy is tried on without the scene, in a small file.
+//! Records as data: what a policy is tried on without the scene, in a small file. For the examples and
+//! benchmarks that play docs/data/records.
 
 use std::path::Path;
 
 use frugal_core::frontier::{CostPoint, FrontierMap};
 use frugal_core::knobs::{KnobLevels, KnobSpace};
+use frugal_core::units::Watts;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::{PathPlan, PathRecord, Pose};
+use crate::evaluate::{Made, PathPlan, PathRecord, Pose};
 use crate::table::CostTable;
-
-/// How a record was made.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Made {
-    /// The machine.
-    pub machine: String,
-    /// The graphics driver.
-    pub driver: String,
-    /// The day, as year-month-day.
-    pub date: String,
-    /// The command lines.
-    pub command: Vec<String>,
-}
 
 /// A [`PathRecord`] as JSON. Its settings are in the terms of a map's knobs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -86,6 +75,16 @@ impl RecordFile {
             }
         }
         Ok(PathRecord { path, space: space.clone(), table })
+    }
+}
+
+impl PathRecord {
+    /// Mean power of the cheapest and of the dearest settings that are known in every frame.
+    pub fn power_range(&self) -> [Watts; 2] {
+        let means = self.table.means().map(|(_, cost)| cost.power.0);
+        let (low, high) = means
+            .fold((f64::INFINITY, 0.0_f64), |(low, high), power| (low.min(power), high.max(power)));
+        [Watts(low), Watts(high)]
     }
 }
 
