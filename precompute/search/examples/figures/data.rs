@@ -199,9 +199,8 @@ pub(crate) struct Light {
 #[derive(Deserialize)]
 pub(crate) struct AccuracyRow {
     pub(crate) view: String,
-    pub(crate) indirect_ratio: f64,
-    pub(crate) indirect_l1_4x4: f64,
-    pub(crate) image_error: f64,
+    pub(crate) ratio: f64,
+    pub(crate) l1_4x4: f64,
 }
 
 /// GI beside the method of Dachsbacher and Stamminger.

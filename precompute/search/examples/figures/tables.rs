@@ -60,7 +60,7 @@ fn summary(data: &Data) -> String {
         Spread::of(paths.iter().flat_map(|path| rows_of(data, path)).map(|row| row.windows_over));
     let saved = data.metered.rows.iter().find(|row| row.name == "error 0.01");
     let saved = saved.and_then(|row| row.saved.zip(row.saved_interval)).unwrap_or_default();
-    let ratio = Spread::of(data.accuracy.rows.iter().map(|row| row.indirect_ratio));
+    let ratio = Spread::of(data.accuracy.rows.iter().map(|row| row.ratio));
     let factor = Spread::of(data.naive.cheaper_by.iter().take(2).map(|row| row.low));
     let part = |start: &str| {
         let row = data.cost.rows.iter().find(|row| row.part.starts_with(start));
@@ -232,18 +232,13 @@ fn accuracy(data: &Data) -> String {
     scenes.dedup();
     let rows = scenes.into_iter().map(|name| {
         let views: Vec<_> = rows.iter().filter(|row| scene(row) == name).collect();
-        let cell = |of: fn(&AccuracyRow) -> f64, decimals: usize| {
+        let cell = |of: fn(&AccuracyRow) -> f64| {
             let all = Spread::of(views.iter().map(|row| of(row)));
-            span(&format!("{:.decimals$}", all.low), &format!("{:.decimals$}", all.high))
+            span(&format!("{:.2}", all.low), &format!("{:.2}", all.high))
         };
-        vec![
-            format!("{name}, {}", views.len()),
-            cell(|row| row.indirect_ratio, 2),
-            cell(|row| row.indirect_l1_4x4, 2),
-            cell(|row| row.image_error, 3),
-        ]
+        vec![format!("{name}, {}", views.len()), cell(|row| row.ratio), cell(|row| row.l1_4x4)]
     });
-    markdown(&["scene, views", "indirect: mean ratio", "relative L1, 4×4", "image: 1 − SSIM"], rows)
+    markdown(&["scene, views", "mean ratio", "relative L1, 4×4"], rows)
 }
 
 fn bounces(data: &Data) -> String {
