@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 
 use bevy::math::bounding::BoundingSphere;
 use bevy::math::{Affine3A, Mat3A};
-use bevy::platform::collections::HashMap;
+use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 
 use super::choice::{Candidate, PATCHES, PatchFocus, rank, ranked_up_to};
@@ -40,8 +40,8 @@ impl SurfaceKey for PatchKey {
         self.mesh
     }
 
-    fn reads(&self, image: AssetId<Image>) -> bool {
-        self.reflectance.reads(image)
+    fn reads(&self, images: &HashSet<AssetId<Image>>) -> bool {
+        self.reflectance.reads(images)
     }
 }
 

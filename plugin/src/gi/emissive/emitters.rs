@@ -17,7 +17,7 @@ use bevy::math::{DVec3, Vec3};
 use bevy::mesh::Mesh;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::pbr::StandardMaterial;
-use bevy::platform::collections::HashMap;
+use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_resource::ExtractResource;
 
 use super::emission::{Emission, emission};
@@ -99,9 +99,9 @@ impl SurfaceKey for EmissiveKey {
         self.mesh
     }
 
-    fn reads(&self, image: AssetId<Image>) -> bool {
-        self.texture.is_some_and(|texture| texture.image == image)
-            || self.mask.is_some_and(|mask| mask.reads(image))
+    fn reads(&self, images: &HashSet<AssetId<Image>>) -> bool {
+        self.texture.is_some_and(|texture| images.contains(&texture.image))
+            || self.mask.is_some_and(|mask| mask.reads(images))
     }
 }
 

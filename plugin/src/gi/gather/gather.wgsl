@@ -29,6 +29,7 @@
 @group(0) @binding(4) var<storage, read> plan: Plan;
 @group(0) @binding(5) var irradiance: texture_storage_2d<rgba16float, write>;
 #ifdef SKY_RAYS
+// `cache/light.wgsl`, which imports this, has 6.
 @group(0) @binding(7) var<storage, read> sky_samples: array<SkyLight>;
 #endif
 

@@ -7,6 +7,7 @@ use bevy::log::warn_once;
 use bevy::material::AlphaMode;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
+use bevy::platform::collections::HashSet;
 
 use super::copies::Textures;
 use super::mesh::{MeshTexture, TextureUse, vertex_colors};
@@ -44,9 +45,9 @@ impl Mask {
         })
     }
 
-    /// Whether it depends on this image.
-    pub(crate) fn reads(&self, image: AssetId<Image>) -> bool {
-        self.texture.is_some_and(|texture| texture.image == image)
+    /// Whether it has any of these images.
+    pub(crate) fn reads(&self, images: &HashSet<AssetId<Image>>) -> bool {
+        self.texture.is_some_and(|texture| images.contains(&texture.image))
     }
 }
 

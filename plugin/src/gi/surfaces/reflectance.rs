@@ -8,6 +8,7 @@ use bevy::material::{AlphaMode, OpaqueRendererMethod};
 use bevy::math::Vec3;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
+use bevy::platform::collections::HashSet;
 
 use super::cutout::{Cutout, Mask};
 use super::mesh::{MeshTexture, Sides, SurfaceAssets, TextureUse, vertex_colors};
@@ -91,11 +92,11 @@ impl Reflectance {
         })
     }
 
-    /// Whether it changes when this image does.
-    pub(crate) fn reads(&self, image: AssetId<Image>) -> bool {
+    /// Whether it has any of these images.
+    pub(crate) fn reads(&self, images: &HashSet<AssetId<Image>>) -> bool {
         let textures = [self.color, self.metallic_roughness];
-        textures.iter().flatten().any(|texture| texture.image == image)
-            || self.mask.is_some_and(|mask| mask.reads(image))
+        textures.iter().flatten().any(|texture| images.contains(&texture.image))
+            || self.mask.is_some_and(|mask| mask.reads(images))
     }
 
     /// Whether it varies over the surface.

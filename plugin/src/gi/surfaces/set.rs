@@ -22,8 +22,8 @@ pub(in crate::gi) trait SurfaceKey: Copy + Eq + Hash {
     /// The mesh.
     fn mesh(&self) -> AssetId<Mesh>;
 
-    /// Whether it changes when this image does.
-    fn reads(&self, image: AssetId<Image>) -> bool;
+    /// Whether it has any of these images.
+    fn reads(&self, images: &HashSet<AssetId<Image>>) -> bool;
 }
 
 /// A value for each surface in use.
@@ -44,9 +44,7 @@ impl<Key: SurfaceKey, Value> SurfaceCache<Key, Value> {
     /// Drops the values of surfaces whose mesh or images changed or are gone.
     pub(crate) fn read(&mut self, MeshChanges { meshes, images, .. }: &MeshChanges) {
         if !meshes.is_empty() || !images.is_empty() {
-            self.keep(|key| {
-                !meshes.contains(&key.mesh()) && !images.iter().any(|image| key.reads(*image))
-            });
+            self.keep(|key| !meshes.contains(&key.mesh()) && !key.reads(images));
         }
     }
 
@@ -207,7 +205,7 @@ mod tests {
             AssetId::Uuid { uuid: bevy::asset::uuid::Uuid::from_u128(self.0) }
         }
 
-        fn reads(&self, _: AssetId<Image>) -> bool {
+        fn reads(&self, _: &HashSet<AssetId<Image>>) -> bool {
             false
         }
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bevy::platform::collections::HashSet;
 use bevy::prelude::*;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
@@ -44,8 +45,8 @@ impl SurfaceKey for TreeKey {
         self.mesh
     }
 
-    fn reads(&self, image: AssetId<Image>) -> bool {
-        self.mask.is_some_and(|mask| mask.reads(image))
+    fn reads(&self, images: &HashSet<AssetId<Image>>) -> bool {
+        self.mask.is_some_and(|mask| mask.reads(images))
     }
 }
 
