@@ -17,7 +17,7 @@ use super::arguments::{
     Choices, SceneArguments, WorkerArguments, check_outputs, check_report, json, one_of, write,
     write_report,
 };
-use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
+use super::input::{check_meter, open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
 use crate::evaluate::{self, frames_csv, play_for_real, table};
@@ -155,6 +155,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;
+    if arguments.meter.is_none() {
+        check_meter(&map, &arguments.map, &stage.meter)?;
+    }
     let identity = scene.identity()?;
     let record = record(&mut stage, &map, &identity, &path, arguments.baselines, kept)?;
     let (meter, label) = (stage.meter.clone(), scene.label.clone());

@@ -4,11 +4,13 @@ use std::path::Path;
 
 use frugal_core::frontier::FrontierMap;
 use frugal_core::knobs::did_you_mean;
+use frugal_core::power::MeterInfo;
 
 use frugal_search::evaluate::PathPlan;
 
 use super::CliError;
 use super::arguments::{CaptureArguments, SceneArguments};
+use crate::device;
 use crate::evaluate::plan_along;
 use crate::scene::CameraPath;
 use crate::stage::{Program, StageOptions, StagedScene};
@@ -112,4 +114,56 @@ pub(super) fn stage_for_map(
         meter: meter.or_else(|| Some(work_meter::of_map(&map.meter.name, map_path))),
         ..Default::default()
     })
+}
+
+/// Fails where the meter `here`, opened by the name in the map, has other watts than the map's: the name
+/// lacks the parameter of the search, and the machine.
+pub(super) fn check_meter(
+    map: &FrontierMap,
+    map_path: &Path,
+    here: &MeterInfo,
+) -> Result<(), CliError> {
+    if device::is_same(&map.meter, here) {
+        return Ok(());
+    }
+    let [of_map, here] =
+        [&map.meter, here].map(|meter| format!("{}: {}", meter.name, meter.description));
+    Err(CliError::usage(format!(
+        "{}: its watts are not those of the meter here, `{of_map}` and `{here}`: add --meter NAME, with the parameter that the search had, such as --meter cpu-time=5",
+        map_path.display()
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use frugal_core::power::Provenance;
+
+    use super::*;
+
+    #[test]
+    fn a_meter_of_another_scale_is_refused_and_counted_work_is_the_same_everywhere() {
+        let meter = |name: &str, description: &str| MeterInfo {
+            name: name.to_owned(),
+            provenance: Provenance::Modelled,
+            description: description.to_owned(),
+        };
+        let check = |of_map: MeterInfo, here: MeterInfo| {
+            let map = FrontierMap { meter: of_map, ..frugal_core::testing::map(0) };
+            check_meter(&map, Path::new("a.pareto.ron"), &here)
+        };
+        let cpu = |watts: u8, machine: &str| {
+            meter("cpu-time", &format!("CPU time × {watts} W per busy core; on {machine}"))
+        };
+        assert!(check(cpu(5, "Intel N100"), cpu(5, "Intel N100")).is_ok());
+        for here in [cpu(3, "Intel N100"), cpu(5, "AMD Ryzen 5")] {
+            let error = check(cpu(5, "Intel N100"), here.clone()).expect_err("other watts");
+            assert_eq!(error.status, 2);
+            let other = here.description.as_str();
+            for words in ["a.pareto.ron: ", "× 5 W", other, "--meter cpu-time=5"] {
+                assert!(error.message.contains(words), "`{words}` in: {error}");
+            }
+        }
+        let work = |name: &str| device::on_this_machine(meter(name, "work at the prices"), None);
+        assert!(check(work("work=a.prices.ron"), work("work")).is_ok());
+    }
 }

@@ -2,11 +2,15 @@
 
 use std::fs;
 
-use super::{AT, SCENE, assert_refused, entries, folder, run, scene_with_map, stderr, write};
+use super::{
+    AT, SCENE, assert_refused, entries, folder, refused_evaluation, run, scene_with_map, stderr,
+    write,
+};
 
 tests!(
     unknown_knobs_and_meters_are_named,
     misspelt_knobs_and_levels_get_the_nearest_one,
+    watts_of_another_meter_are_not_mixed_with_a_map_s,
     several_processes_record_the_same_path,
 );
 
@@ -41,6 +45,14 @@ fn misspelt_knobs_and_levels_get_the_nearest_one() {
     ] {
         assert_refused(&refused, &[&format!("did you mean `{name}`?")]);
     }
+}
+
+fn watts_of_another_meter_are_not_mixed_with_a_map_s() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    // The map's name opens a meter here, of another description than the map's.
+    let words = ["a.pareto.ron", "by hand", "CPU time of this process", "--meter cpu-time=5"];
+    refused_evaluation(folder.path(), &["--error-budget", "0.02"], &words);
 }
 
 fn several_processes_record_the_same_path() {
