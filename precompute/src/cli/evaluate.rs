@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use frugal_core::control::ControlSettings;
-use frugal_core::frontier::{FrontierMap, SceneIdentity};
+use frugal_core::frontier::FrontierMap;
 use frugal_search::evaluate::{
     Baselines, BudgetRequest, EvaluationResult, PathPlan, PathRecord, Policy, PowerBudget, Trial,
     parse_error_budget, settings_to_record,
@@ -22,7 +22,7 @@ use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
 use crate::evaluate::{self, frames_csv, play_for_real, table};
 use crate::report::evaluation_report;
-use crate::stage::RemoteStage;
+use crate::stage::{RemoteStage, StagedScene};
 use bevy_frugal_gi::stage::default_settings;
 
 #[derive(clap::Args, Debug)]
@@ -53,6 +53,9 @@ pub(super) struct Arguments {
     /// beside the map, and none of quick comparisons
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// Drop the record, and begin it anew
+    #[arg(long)]
+    overwrite: bool,
     /// Number of budgets, from the first, that are played for real as well; default: 1 of quick
     /// comparisons, else 0
     #[arg(long, value_name = "N")]
@@ -102,6 +105,11 @@ impl Arguments {
             return Err(CliError::usage(format!(
                 "{option} is for one budget, here are {budgets}: give one, or --json for all"
             )));
+        }
+        if self.overwrite && self.record_file().is_none() {
+            return Err(CliError::usage(
+                "--overwrite: no record is kept: name it with --record, or leave the option out",
+            ));
         }
         match self.spot_checks {
             Some(checks) if checks > budgets => Err(CliError::usage(format!(
@@ -158,8 +166,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if arguments.meter.is_none() {
         check_meter(&map, &arguments.map, &stage.meter)?;
     }
-    let identity = scene.identity()?;
-    let record = record(&mut stage, &map, &identity, &path, arguments.baselines, kept)?;
+    let record = record(&mut stage, &map, &scene, &path, arguments, kept)?;
     let (meter, label) = (stage.meter.clone(), scene.label.clone());
     let trial = Trial {
         scene: &label,
@@ -244,20 +251,22 @@ fn outputs(
 fn record(
     stage: &mut RemoteStage,
     map: &FrontierMap,
-    scene: &SceneIdentity,
+    scene: &StagedScene,
     path: &PathPlan,
-    baselines: Baselines,
+    arguments: &Arguments,
     kept: Option<PathBuf>,
 ) -> Result<PathRecord, CliError> {
     let of = JournalUse::Evaluate;
     let scratch = tempfile::tempdir().map_err(CliError::failed)?;
     let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
     let poses = hash(&format!("{:?}", path.poses()));
-    let header = journal_header(scene, &map.capture, &map.knobs, &stage.meter)?
+    let (identity, content) = (scene.identity()?, scene.content()?);
+    let header = journal_header(&identity, content, &map.capture, &map.knobs, &stage.meter)?
         .with("path", format!("{} {poses:016x}", path.name()));
-    let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
+    let existing = if arguments.overwrite { Existing::Overwrite } else { Existing::Resume };
+    let (mut journal, lines) = open_journal(&file, &header, existing, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
-    let settings = settings_to_record(map, baselines, default_settings(&map.knobs));
+    let settings = settings_to_record(map, arguments.baselines, default_settings(&map.knobs));
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }

@@ -40,7 +40,7 @@ impl JournalArguments {
 pub(super) enum JournalUse {
     /// Has `--resume` and `--overwrite`.
     Precompute,
-    /// Goes on by itself.
+    /// Goes on by itself, and has `--overwrite`.
     Evaluate,
 }
 
@@ -101,8 +101,7 @@ impl JournalUse {
         };
         let is_earlier =
             matches!(error, JournalError::HasRecords { .. } | JournalError::OtherRun { .. });
-        let anew = (is_earlier && is_precompute)
-            .then(|| "add --overwrite to drop it and begin anew".to_owned());
+        let anew = is_earlier.then(|| "add --overwrite to drop it and begin anew".to_owned());
         let place = if is_precompute { "--output" } else { "--record" };
         let ways = [first, anew, Some(format!("give another {place}"))];
         format!("{error}: {}", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))
@@ -145,10 +144,12 @@ pub(super) fn whole_journal(name: &str) -> Option<String> {
     Some(format!("{}.journal", of_shard.map_or(stem, |(map, _)| map)))
 }
 
-/// What tells apart runs whose records do not mix: scene, images, knobs, and what is read. Counted work
-/// is the same on every machine; all other watts are of one device.
+/// What tells apart runs whose records do not mix: renderer, scene, images, knobs, and what is read.
+/// `content`: a hash of the scene's files, as far as they are known. Counted work is the same on every
+/// machine; all other watts are of one device.
 pub(super) fn journal_header(
     scene: &SceneIdentity,
+    content: Option<String>,
     capture: &Capture,
     space: &KnobSpace,
     meter: &MeterInfo,
@@ -157,7 +158,9 @@ pub(super) fn journal_header(
     let names: Vec<_> = space.knobs().iter().map(|knob| knob.name.as_str()).collect();
     let levels = serde_json::to_string(space).map_err(CliError::failed)?;
     let header = JournalHeader::default()
+        .with("version of frugal", env!("CARGO_PKG_VERSION"))
         .with("scene", &scene.fingerprint)
+        .with("content of files", content.unwrap_or_else(|| "unknown".to_owned()))
         .with("size", format!("{width}x{height}"))
         .with("frame rate", capture.frames_per_second)
         .with("field of view", capture.vertical_fov)
@@ -220,17 +223,24 @@ mod tests {
         };
         let space = crate::stage::built_in_knobs(false);
         let map = frugal_core::testing::map(0);
-        journal_header(&map.scene, &map.capture, &space, &meter).expect("a header")
+        let content = Some("00ff".to_owned());
+        journal_header(&map.scene, content, &map.capture, &space, &meter).expect("a header")
     }
 
     #[test]
     fn a_renumbered_card_resumes_and_another_processor_only_where_work_is_counted() {
+        // Another version or changed files never do.
         let card = "whole card or APU 0000:04:00.0 (card1, PPT), power1_average of its driver";
         assert_eq!(header("amdgpu", card), header("amdgpu", &card.replace("card1", "card0")));
         assert_ne!(header("amdgpu", card), header("amdgpu", &card.replace("04:", "0b:")));
         let folder = tempfile::tempdir().expect("a folder");
-        for (name, field) in [("cpu-time", "processor"), ("rapl", "processor"), ("rapl", "adapter")]
-        {
+        for (name, field) in [
+            ("cpu-time", "processor"),
+            ("rapl", "processor"),
+            ("rapl", "adapter"),
+            ("work", "version of frugal"),
+            ("work", "content of files"),
+        ] {
             let here = header(name, "a counter");
             let file = folder.path().join(field);
             let there = here.clone().with(field, "PDP-11");
@@ -238,10 +248,11 @@ mod tests {
                 Journal::open(&file, &there, Existing::Overwrite).expect("a journal");
             journal.append("m 1").expect("room");
             drop(journal);
-            let error = open_journal(&file, &here, Existing::Resume, JournalUse::Precompute, &[])
-                .expect_err("another machine")
-                .to_string();
+            let open = |existing| open_journal(&file, &here, existing, JournalUse::Evaluate, &[]);
+            let error = open(Existing::Resume).expect_err("another run").to_string();
             assert!(error.contains(&format!("its {field} is `PDP-11`, here it is ")), "{error}");
+            assert!(error.contains("add --overwrite"), "{error}");
+            assert!(open(Existing::Overwrite).expect("a journal").1.is_empty(), "{field}");
         }
         let work = format!("{:?}", header("work", "work of each frame at the prices of a device"));
         assert!(!work.contains("processor") && !work.contains("adapter"), "{work}");

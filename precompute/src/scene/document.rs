@@ -91,6 +91,30 @@ pub(super) fn check(bytes: &[u8]) -> Result<Checked, String> {
     Ok(Checked { scene, gaps })
 }
 
+/// Names of the buffers and images beside the file of `bytes`, as paths from its folder; none where it is
+/// no glTF file.
+pub(super) fn files(bytes: &[u8]) -> Vec<String> {
+    let Ok(Gltf { document, .. }) = Gltf::from_slice_without_validation(bytes) else {
+        return Vec::new();
+    };
+    let root = document.into_json();
+    let buffers = root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
+    let images = root.images.iter().filter_map(|image| image.uri.as_deref());
+    buffers.chain(images).filter(|uri| !uri.starts_with("data:")).map(percent_decoded).collect()
+}
+
+/// A URI as a path.
+fn percent_decoded(uri: &str) -> String {
+    let mut parts = uri.split('%');
+    let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
+    for part in parts {
+        let code = part.get(..2).and_then(|code| u8::from_str_radix(code, 16).ok());
+        bytes.push(code.unwrap_or(b'%'));
+        bytes.extend(part.bytes().skip(if code.is_some() { 2 } else { 0 }));
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 /// The first contradiction in the file.
 fn invalid(root: &Root) -> Option<String> {
     // What follows assumes that these are valid.

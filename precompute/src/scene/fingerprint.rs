@@ -53,6 +53,12 @@ pub(crate) fn level_fingerprint(
     format!("{:032x}", hash(&(meshes, textures, lights)))
 }
 
+/// 32 hexadecimal digits that change with every change of the bytes of `files`, in their order.
+pub(super) fn content_hash(files: impl Iterator<Item = Vec<u8>>) -> String {
+    let files: Vec<u128> = files.map(|bytes| fnv(&bytes)).collect();
+    format!("{:032x}", hash(&files))
+}
+
 /// Hashes of the meshes, each with its material and textures, in whatever order these are.
 fn surfaces(geometry: &SceneGeometry) -> Vec<u128> {
     let of = |hashes: &[u128], index: usize| hashes.get(index).copied().unwrap_or_default();

@@ -23,6 +23,26 @@ use super::spawn::{SpawnedGeometry, spawn};
 /// Pause while files are read.
 const YIELD: Duration = Duration::from_millis(1);
 
+/// The bytes of a description's geometry.
+///
+/// # Errors
+/// At the description's geometry, when its file is missing.
+pub(super) fn file_bytes(description: &SceneDescription) -> Result<Vec<u8>, Problem> {
+    match &description.geometry {
+        Geometry::Gltf(name) => {
+            let file = description.resolve(name);
+            std::fs::read(&file).map_err(|error| Problem {
+                field: "geometry[0]".into(),
+                problem: format!("cannot read {}: {error}", file.display()),
+                remedy: "give a file relative to the description".into(),
+            })
+        }
+        Geometry::Procedural(name) => {
+            Ok(glb(name).ok_or_else(|| check::no_such_scene(name))?.to_vec())
+        }
+    }
+}
+
 /// A description's geometry, the number of the scene in its file, and what is in the file and not
 /// represented.
 ///
@@ -31,17 +51,7 @@ const YIELD: Duration = Duration::from_millis(1);
 /// not read.
 pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Checked), Problem> {
     let (Geometry::Gltf(name) | Geometry::Procedural(name)) = &description.geometry;
-    let bytes = match &description.geometry {
-        Geometry::Gltf(_) => {
-            let file = description.resolve(name);
-            std::fs::read(&file).map_err(|error| Problem {
-                field: "geometry[0]".into(),
-                problem: format!("cannot read {}: {error}", file.display()),
-                remedy: "give a file relative to the description".into(),
-            })?
-        }
-        Geometry::Procedural(_) => glb(name).ok_or_else(|| check::no_such_scene(name))?.to_vec(),
-    };
+    let bytes = file_bytes(description)?;
     let mut checked = document::check(&bytes).map_err(|problem| unusable(name, &problem))?;
     let mut app = app();
     spawn(app.world_mut(), description, checked.scene, None);

@@ -178,6 +178,35 @@ fn missing_and_broken_files_are_named_at_their_field() {
 }
 
 #[test]
+fn the_content_follows_every_file_of_the_geometry() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &str| std::fs::write(folder.path().join(name), bytes).unwrap();
+    let mut description = SceneDescription::new(Geometry::Gltf("model/a.gltf".into()));
+    description.source = folder.path().join("a.scene.ron");
+    let scene = LoadedScene::with_geometry(description, Default::default());
+    let content = || scene.content().map_err(|error| error.to_string());
+    assert!(content().expect_err("missing").contains("model/a.gltf"));
+    std::fs::create_dir(folder.path().join("model")).unwrap();
+    let gltf = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"a.bin","byteLength":2}],
+        "images":[{"uri":"wall%20bumps.png"},{"uri":"data:image/png;base64,AAAA"}]}"#;
+    write("model/a.gltf", gltf);
+    write("model/a.bin", "00");
+    let mut last = content().unwrap();
+    assert_eq!(content().unwrap(), last);
+    for (name, bytes) in [
+        ("model/wall bumps.png", "here now"),
+        ("model/wall bumps.png", "another"),
+        ("model/a.bin", "01"),
+        ("model/a.gltf", gltf.replace('\n', " ").as_str()),
+    ] {
+        write(name, bytes);
+        let now = content().unwrap();
+        assert_ne!(now, last, "{name}");
+        last = now;
+    }
+}
+
+#[test]
 fn the_fingerprint_follows_content_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.scene.ron");

@@ -32,8 +32,8 @@ use glam::{UVec2, Vec3};
 
 pub use description::{Camera, Environment, Geometry, SceneDescription};
 use document::Checked;
-use fingerprint::fingerprint;
 pub(crate) use fingerprint::level_fingerprint;
+use fingerprint::{content_hash, fingerprint};
 pub(crate) use geometry::headless;
 pub use load::SceneError;
 pub use path::{CameraKey, CameraPath};
@@ -102,6 +102,24 @@ impl LoadedScene {
     /// [`SceneError::Invalid`] at the environment whose file cannot be read.
     pub fn fingerprint(&self) -> Result<String, SceneError> {
         Ok(fingerprint(&self.description, &self.geometry, &self.environment_bytes()?))
+    }
+
+    /// A hash of the bytes of the geometry's file, its buffers and images. They show more than the path
+    /// tracer reads, which is all that the fingerprint holds: normal maps, glass, blended surfaces.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the geometry whose file cannot be read.
+    pub(crate) fn content(&self) -> Result<String, SceneError> {
+        let bytes =
+            geometry::file_bytes(&self.description).map_err(|problem| self.locate(problem))?;
+        let (Geometry::Gltf(name) | Geometry::Procedural(name)) = &self.description.geometry;
+        let file = self.resolve(name);
+        let folder = file.parent().unwrap_or(Path::new(""));
+        // A missing image is left out of what is shown, too.
+        let others = document::files(&bytes)
+            .into_iter()
+            .map(|name| std::fs::read(folder.join(name)).unwrap_or_default());
+        Ok(content_hash(others.chain([bytes])))
     }
 
     /// The camera space: the description's bounds, else the geometry's bounding box minus a tenth

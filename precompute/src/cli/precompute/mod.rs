@@ -82,7 +82,7 @@ fn search(
         paths = scene.paths.keys().cloned().collect::<Vec<_>>().join(",");
     }
     let none = || "none".to_owned();
-    let header = journal_header(&identity, &capture, &space, &stage.meter)?
+    let header = journal_header(&identity, scene.content()?, &capture, &space, &stage.meter)?
         .with("seed", arguments.seed)
         .with("time limit", limit.unwrap_or_else(none))
         .with("number of training cameras", arguments.training)

@@ -143,6 +143,17 @@ impl StagedScene {
         Ok(SceneIdentity { name: self.name.clone(), fingerprint })
     }
 
+    /// A hash of the files of a scene file's geometry; `None` of an app, whose files nobody knows.
+    ///
+    /// # Errors
+    /// When a file of the scene cannot be read.
+    pub(crate) fn content(&self) -> Result<Option<String>, SceneError> {
+        match self.level {
+            Some(_) => Ok(None),
+            None => self.scene.content().map(Some),
+        }
+    }
+
     /// The scene for the path tracer.
     ///
     /// # Errors

@@ -182,6 +182,7 @@ fn options_that_would_be_ignored_are_refused() {
     refused(&several, &["--report", "report"]);
     refused(&one, &["--spot-checks", "2"]);
     refused(&none, &["--spot-checks", "2"]);
+    refused(&one, &["--overwrite"]);
 
     let before = entries(folder.path());
     let direct = ["--component", "direct", "--bounces", "2", "-o", "a.png"];

@@ -63,6 +63,16 @@ fn a_killed_search_is_resumed() {
         let words = ["its seed is `0`, here it is `9`", "--overwrite"];
         assert_refused(&run(folder.path(), &precompute(more)), &words);
     }
+    // Nor does one of a model go on that has changed since, even where no triangle has.
+    let model = folder.path().join("a.glb");
+    let as_rendered = fs::read(&model).expect("a model");
+    let mut changed = as_rendered.clone();
+    let layout = changed.iter().rposition(|byte| *byte == b'\n').expect("a line break");
+    changed[layout] = b' ';
+    fs::write(&model, changed).expect("can be written");
+    let words = ["its content of files is `", "--resume", "--overwrite"];
+    assert_refused(&run(folder.path(), &precompute(&["--resume"])), &words);
+    fs::write(&model, as_rendered).expect("can be written");
     assert!(fs::read(&journal).expect("still there") == bytes, "the journal was changed");
 
     let resumed = run(folder.path(), &precompute(&["--resume"]));
