@@ -55,6 +55,8 @@ pub struct LoadedScene {
     pub gaps: Vec<String>,
     /// The geometry's triangles, for ray queries.
     pub rays: Arc<RayScene>,
+    /// Whether global illumination has a sky to gather: an environment map that sends light.
+    pub(crate) has_environment_map: bool,
     /// Number of the scene in the geometry's file.
     pub(crate) number: usize,
 }
@@ -91,7 +93,14 @@ impl LoadedScene {
     /// A description with `geometry` in place of its own.
     pub fn with_geometry(description: SceneDescription, geometry: SceneGeometry) -> Self {
         let rays = RayScene::from_geometry(&geometry).into();
-        Self { description, geometry: geometry.into(), gaps: Vec::new(), rays, number: 0 }
+        Self {
+            has_environment_map: description.environment.sends_light(),
+            description,
+            geometry: geometry.into(),
+            gaps: Vec::new(),
+            rays,
+            number: 0,
+        }
     }
 
     /// The scene's identity: 32 hexadecimal digits that change with every change of the scene's

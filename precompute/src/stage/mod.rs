@@ -100,7 +100,7 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Vec<String> {
     let geometry = &scene.geometry;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
-    let has_environment = scene.environment.sends_light();
+    let has_sky = scene.has_environment_map;
     let has_emissive = geometry.materials.iter().any(|material| material.emissive != [0.0; 3]);
     let space = built_in_knobs(false);
     // From a corner, the shortest view distance may leave out the opposite one.
@@ -118,13 +118,13 @@ pub(crate) fn useful_knobs(scene: &LoadedScene) -> Vec<String> {
         "effects" => false,
         "view_distance" => is_wide(),
         "rsm_resolution" | "shadow_map_resolution" => has_light,
-        "gi_environment_samples" => has_environment,
-        name if name.starts_with("gi_") => has_light || has_emissive || has_environment,
+        "gi_environment_samples" => has_sky,
+        name if name.starts_with("gi_") => has_light || has_emissive || has_sky,
         "shadow_cascades" => has_sun,
         // Bevy's loader makes no mip levels.
         "texture_detail" => false,
-        // Beside environment light it dims only indirect light without rays.
-        "ambient_occlusion" => has_environment,
+        // Beside ambient and environment light it dims only indirect light without rays.
+        "ambient_occlusion" => has_sky || scene.environment.sends_light(),
         _ => true,
     };
     space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect()
@@ -136,4 +136,32 @@ pub(crate) fn built_in_knobs(with_opt_in: bool) -> KnobSpace {
     app.add_plugins(KnobPlugin);
     let registry = app.world().resource::<KnobRegistry>();
     registry.space_with(|_| with_opt_in).expect("the built-in knobs are valid")
+}
+
+#[cfg(test)]
+mod tests {
+    use frugal_trace::scene::SceneGeometry;
+
+    use super::*;
+    use crate::scene::{Environment, Geometry, SceneDescription};
+    use crate::subject::frame_layout;
+
+    #[test]
+    fn knobs_of_the_sky_need_a_map_and_ambient_light_is_none() {
+        let description = SceneDescription::new(Geometry::Procedural(String::new()));
+        let mut scene = LoadedScene::with_geometry(description, SceneGeometry::default());
+        let mut useful = |environment, has_environment_map| {
+            scene.description.environment = environment;
+            scene.has_environment_map = has_environment_map;
+            let knobs = useful_knobs(&scene);
+            let has = |name: &str| knobs.iter().any(|knob| knob == name);
+            let names = ["gi_environment_samples", "gi_vpl_count", "ambient_occlusion"];
+            assert_eq!(frame_layout(&scene, [160, 90]).has_sky, has_environment_map);
+            names.map(has)
+        };
+        assert_eq!(useful(Environment::None, false), [false; 3]);
+        // A map that cannot be read, and ambient light, in an app.
+        assert_eq!(useful(Environment::None, true), [true; 3]);
+        assert_eq!(useful(Environment::Constant([80.0; 3]), false), [false, false, true]);
+    }
 }

@@ -7,19 +7,23 @@ use bevy_frugal_gi::gi::GiLimits;
 use frugal_search::cost::{FrameLayout, POINT_LIGHT_MAPS};
 use frugal_trace::light::Light;
 
-use crate::scene::SceneDescription;
+use crate::scene::LoadedScene;
 
 pub(crate) use tracks::{camera_space, recorded_tracks, tracks_of};
 
 /// The layout of frames of `scene` at `size` pixels.
-pub(crate) fn frame_layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLayout {
-    let has_sky = scene.environment.sends_light();
+pub(crate) fn frame_layout(scene: &LoadedScene, size: [u32; 2]) -> FrameLayout {
     let is_point = |light: &&Light| matches!(light, Light::Point { .. });
     let points = scene.lights.iter().filter(is_point).count();
     let most = GiLimits::default().max_rsm_count;
     let maps = (scene.lights.len() - points).max(usize::from(points == 0)).min(most);
     let points = points.min((most - maps) / POINT_LIGHT_MAPS as usize);
-    FrameLayout { size, maps: maps as u32, point_lights: points as u32, has_sky }
+    FrameLayout {
+        size,
+        maps: maps as u32,
+        point_lights: points as u32,
+        has_sky: scene.has_environment_map,
+    }
 }
 
 #[cfg(test)]
@@ -29,7 +33,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::scene::{LoadedScene, load};
+    use crate::scene::load;
 
     fn loaded(scene: &str) -> LoadedScene {
         let file = format!("../assets/scenes/{scene}.scene.ron");

@@ -54,6 +54,9 @@ pub struct ExtractedScene {
     pub lights: Vec<Light>,
     /// Environment.
     pub sky: ExtractedSky,
+    /// Whether the camera has an environment map that sends light, which global illumination gathers.
+    /// `sky` may lack it, and may be ambient light, which nothing gathers.
+    pub has_environment_map: bool,
     /// Exposure value at ISO 100.
     pub exposure_ev100: f32,
     /// Vertical field of view, degrees.
@@ -94,6 +97,7 @@ pub fn extract(world: &mut World, camera: Option<Entity>) -> ExtractedScene {
         geometry,
         lights,
         sky,
+        has_environment_map: sky::has_environment_map(world, camera),
         exposure_ev100: exposure.ev100,
         vertical_fov_degrees,
         near,

@@ -6,8 +6,8 @@ use bevy::ecs::entity::Entity;
 use bevy::ecs::world::World;
 use bevy::image::Image;
 use bevy::light::{
-    AmbientLight, EnvironmentMapLight, GeneratedEnvironmentMapLight, GlobalAmbientLight, Skybox,
-    VolumetricFog,
+    AmbientLight, AtmosphereEnvironmentMapLight, EnvironmentMapLight, GeneratedEnvironmentMapLight,
+    GlobalAmbientLight, Skybox, VolumetricFog,
 };
 use bevy::math::{Quat, Vec2, Vec3};
 use bevy::pbr::DistanceFog;
@@ -19,6 +19,17 @@ use super::{ExtractedSky, Gaps};
 
 /// Columns of an extracted sky; half as many rows.
 const COLUMNS: u32 = 512;
+
+/// Whether a camera has an environment map that sends light, be it readable or not. Bevy makes one of
+/// the generated kinds where there is no other.
+pub(super) fn has_environment_map(world: &World, camera: Option<Entity>) -> bool {
+    let Some(camera) = camera else { return false };
+    let own = world.get::<EnvironmentMapLight>(camera).map(|map| map.intensity);
+    let generated = world.get::<GeneratedEnvironmentMapLight>(camera).map(|map| map.intensity);
+    let of_air = world.get::<AtmosphereEnvironmentMapLight>(camera).map(|map| map.intensity);
+    let intensity = own.or(generated).or(of_air);
+    intensity.is_some_and(|intensity| intensity > 0.0 && intensity.is_finite())
+}
 
 /// The sky of a camera: its environment map, in the finest form that is readable, else the ambient
 /// light.

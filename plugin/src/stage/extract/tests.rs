@@ -8,7 +8,10 @@ use bevy::ecs::name::Name;
 use bevy::ecs::reflect::AppTypeRegistry;
 use bevy::ecs::world::World;
 use bevy::image::{Image, ImageAddressMode, ImageSampler, ImageSamplerDescriptor};
-use bevy::light::{DirectionalLight, EnvironmentMapLight, PointLight, SpotLight, VolumetricFog};
+use bevy::light::{
+    AtmosphereEnvironmentMapLight, DirectionalLight, EnvironmentMapLight,
+    GeneratedEnvironmentMapLight, GlobalAmbientLight, PointLight, SpotLight, VolumetricFog,
+};
 use bevy::math::{Affine2, Mat4, Quat, Vec2, Vec3};
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
@@ -407,6 +410,28 @@ fn a_sky_has_its_directions() {
         let direction = (direction + Vec3::new(0.01, 0.02, 0.015)).normalize();
         assert_eq!(map.look_up(direction)[0], value, "{direction}");
     }
+}
+
+#[test]
+fn an_environment_map_is_there_where_it_cannot_be_read_and_ambient_light_is_none() {
+    let mut world = world();
+    let map = |intensity| EnvironmentMapLight { intensity, ..Default::default() };
+    let of_gpu = GeneratedEnvironmentMapLight { intensity: 5.0, ..Default::default() };
+    let cameras = [
+        (world.spawn(map(10.0)).id(), true),
+        (world.spawn(of_gpu.clone()).id(), true),
+        (world.spawn(AtmosphereEnvironmentMapLight::default()).id(), true),
+        // Bevy generates none beside another.
+        (world.spawn((map(0.0), of_gpu)).id(), false),
+    ];
+    for (camera, has_map) in cameras {
+        let found = extract(&mut world, Some(camera));
+        assert_eq!(found.has_environment_map, has_map, "{:?}", found.gaps);
+        assert_eq!(found.sky, ExtractedSky::Black, "{:?}", found.gaps);
+    }
+    world.insert_resource(GlobalAmbientLight::default());
+    let found = extract(&mut world, None);
+    assert!(!found.has_environment_map && found.sky != ExtractedSky::Black, "{:?}", found.gaps);
 }
 
 #[test]

@@ -26,7 +26,7 @@ pub const STAGE_VARIABLE: &str = "FRUGAL_STAGE";
 /// Environment variable with the level to load.
 pub const LEVEL_VARIABLE: &str = "FRUGAL_STAGE_LEVEL";
 /// Number of the protocol. Raise it with every change of a message.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;
 
 /// The app's first message. Its form never changes, so that any two versions understand it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -105,6 +105,7 @@ impl StagedScene {
         };
         let ExtractedScene { geometry, lights, sky, exposure_ev100, near, far, gaps, .. } =
             extracted;
+        let has_environment_map = extracted.has_environment_map;
         let camera = Camera { vertical_fov: extracted.vertical_fov_degrees, near, far };
         let description = SceneDescription {
             lights,
@@ -112,7 +113,11 @@ impl StagedScene {
             camera,
             ..SceneDescription::new(Geometry::Procedural(String::new()))
         };
-        let mut scene = LoadedScene { gaps, ..LoadedScene::with_geometry(description, geometry) };
+        let mut scene = LoadedScene {
+            gaps,
+            has_environment_map,
+            ..LoadedScene::with_geometry(description, geometry)
+        };
         let fingerprint = scene::level_fingerprint(&scene, &scene.geometry);
         scene.description.environment = match &sky {
             ExtractedSky::Black => Environment::None,
