@@ -109,7 +109,12 @@ fn turn(time: Res<Time>, mut turning: Single<&mut Transform, With<Turning>>) {
 /// is measured.
 const FRAMES: [u32; 2] = [3, 200];
 
-fn misbehave(fault: Res<Fault>, mut frames: Local<u32>, mut exit: MessageWriter<AppExit>) {
+fn misbehave(
+    fault: Res<Fault>,
+    lamps: Query<&Lamps>,
+    mut frames: Local<u32>,
+    mut exit: MessageWriter<AppExit>,
+) {
     *frames += 1;
     let once = std::env::var_os("SMALL_APP_ONCE").map(PathBuf::from);
     if *frames < FRAMES[usize::from(once.is_some())]
@@ -122,6 +127,10 @@ fn misbehave(fault: Res<Fault>, mut frames: Local<u32>, mut exit: MessageWriter<
     }
     match fault.0.as_str() {
         "crashes" => panic!("the small app has crashed"),
+        // At no settings but the best.
+        "breaks when dimmed" if lamps.iter().any(|lamps| lamps.0 < 4.0) => {
+            panic!("the small app's lamps are broken")
+        }
         "hangs" => std::thread::sleep(Duration::from_secs(1000)),
         "exits" => drop(exit.write(AppExit::Success)),
         _ => {}

@@ -13,7 +13,7 @@ use super::{assert_refused, command, entries, folder, run, stderr};
 
 tests!(
     an_app_renders_from_where_it_is_told_at_its_own_knob_s_levels,
-    an_app_gets_a_map_of_its_own_knob,
+    an_app_gets_a_map_of_its_own_knob_and_results_even_where_it_breaks,
     what_is_no_stage_is_one_clear_error,
     an_app_that_fails_is_one_clear_error,
     an_app_that_crashes_once_is_started_anew,
@@ -132,9 +132,9 @@ fn search(folder: &Path, app: &str, more: &[&str]) -> Vec<String> {
     [&arguments[..], &SEARCH, more].concat().into_iter().map(str::to_owned).collect()
 }
 
-fn an_app_gets_a_map_of_its_own_knob() {
+fn an_app_gets_a_map_of_its_own_knob_and_results_even_where_it_breaks() {
     let folder = folder();
-    let app = app(folder.path(), "");
+    let [app, broken] = ["", "breaks when dimmed"].map(|fault| app(folder.path(), fault));
     let arguments = search(folder.path(), &app, &[]);
     let done = run(folder.path(), &arguments.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(done.status.success(), "{}", stderr(&done));
@@ -148,10 +148,21 @@ fn an_app_gets_a_map_of_its_own_knob() {
         map.shared.points().iter().map(|point| point.settings.level(lamps)).collect();
     assert!(levels.contains(&2), "{levels:?}");
     let walk = walk(folder.path()).display().to_string();
-    let evaluate = ["evaluate", "--app", &app, "--map", "a.pareto.ron", "--path", &walk];
-    let played = run(folder.path(), &[&evaluate[..], &["--error-budget", "0.05"]].concat());
+    let evaluate = |app: &str, more: &[&str]| {
+        let of_map = ["evaluate", "--app", app, "--map", "a.pareto.ron", "--path", &walk];
+        let budget = ["--error-budget", "0.05", "--record", "walk.record"];
+        run(folder.path(), &[&of_map[..], &budget, more].concat())
+    };
+    let played = evaluate(&app, &[]);
     assert!(played.status.success(), "{}", stderr(&played));
     assert_none_left(folder.path());
+    // All is recorded: only the spot check renders.
+    let played = evaluate(&broken, &["--json", "out.json"]);
+    assert_fails(&played, folder.path(), &["lack their spot check", "lamps are broken"]);
+    let table = String::from_utf8_lossy(&played.stdout);
+    assert!(table.contains("maximum"), "{table}");
+    let json = fs::read_to_string(folder.path().join("out.json")).expect("a result");
+    assert!(json.contains("\"maximum\"") && !json.contains("\"spot_check\""), "{json}");
 }
 
 fn what_is_no_stage_is_one_clear_error() {
