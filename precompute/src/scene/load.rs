@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use frugal_core::knobs::did_you_mean;
+use frugal_trace::scene::{SkyError, SkyMap};
 use ron::error::SpannedError;
 use ron::extensions::Extensions;
 use thiserror::Error;
@@ -67,6 +68,22 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneEr
 }
 
 impl SceneDescription {
+    /// Reads the environment map; `None` without one.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at its field.
+    pub(super) fn read_sky(&self) -> Result<Option<SkyMap>, SceneError> {
+        let Environment::Map(name, _) = &self.environment else { return Ok(None) };
+        let located = |SkyError { file, problem, remedy }| {
+            self.locate(Problem {
+                field: "environment[0]".into(),
+                problem: format!("{file}: {problem}"),
+                remedy: remedy.into(),
+            })
+        };
+        SkyMap::read(&self.resolve(name)).map(Some).map_err(located)
+    }
+
     /// The bytes of the environment map; none without one.
     ///
     /// # Errors

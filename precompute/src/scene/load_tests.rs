@@ -171,10 +171,26 @@ fn missing_and_broken_files_are_named_at_their_field() {
     std::fs::write(folder.path().join("a.glb"), &glb).unwrap();
     assert_eq!(load(&file).unwrap().geometry.triangle_count(), 2);
     let text = VALID.replace("Constant((200.0, 220.0, 260.0))", "Map(\"sky.hdr\", 1000.0)");
-    std::fs::write(&file, text).unwrap();
-    assert!(
-        matches!(load(&file), Err(SceneError::Invalid { line: 9, field, .. }) if field == "environment[0]")
-    );
+    std::fs::write(&file, &text).unwrap();
+    let fails = |words: &[&str]| match load(&file).expect_err("no sky") {
+        error @ SceneError::Invalid { line: 9, .. } => {
+            let message = error.to_string();
+            assert!(message.contains(": environment[0]: "), "{message}");
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        }
+        error => panic!("{error}"),
+    };
+    let sky = folder.path().join("sky.hdr");
+    fails(&["sky.hdr", "cannot be read", "check the path"]);
+    std::fs::write(&sky, b"no").unwrap();
+    fails(&["sky.hdr", "OpenEXR"]);
+    std::fs::write(&file, text.replace("sky.hdr", "sky.png")).unwrap();
+    image::RgbImage::new(4, 2).save(folder.path().join("sky.png")).unwrap();
+    fails(&["sky.png", "not linear radiance", "OpenEXR"]);
+    std::fs::write(&file, text.replace("sky.hdr", "sky.exr")).unwrap();
+    let sky = image::Rgb32FImage::from_pixel(4, 2, image::Rgb([1.0; 3]));
+    sky.save(folder.path().join("sky.exr")).unwrap();
+    assert_eq!(load(&file).unwrap().sky().unwrap().expect("a map").size(), (4, 2));
 }
 
 #[test]

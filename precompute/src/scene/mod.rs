@@ -57,6 +57,8 @@ pub struct LoadedScene {
     pub rays: Arc<RayScene>,
     /// Whether global illumination has a sky to gather: an environment map that sends light.
     pub(crate) has_environment_map: bool,
+    /// The environment map, where [`load()`] has read it.
+    pub(crate) sky: Option<Arc<SkyMap>>,
     /// Number of the scene in the geometry's file.
     pub(crate) number: usize,
 }
@@ -74,8 +76,8 @@ impl Deref for LoadedScene {
 /// # Errors
 /// [`SceneError`], which names file, line, column, field, problem and remedy.
 pub fn load(path: impl AsRef<Path>) -> Result<LoadedScene, SceneError> {
-    let scene = LoadedScene::new(load::read(path.as_ref())?)?;
-    scene.environment_bytes()?;
+    let mut scene = LoadedScene::new(load::read(path.as_ref())?)?;
+    scene.sky = scene.sky()?;
     Ok(scene)
 }
 
@@ -99,6 +101,7 @@ impl LoadedScene {
             geometry: geometry.into(),
             gaps: Vec::new(),
             rays,
+            sky: None,
             number: 0,
         }
     }
@@ -140,18 +143,29 @@ impl LoadedScene {
         })
     }
 
-    /// The scene for the path tracer. Reads the environment map.
+    /// The environment map, read where [`load()`] has not done so; `None` without one.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at its field.
+    pub(crate) fn sky(&self) -> Result<Option<Arc<SkyMap>>, SceneError> {
+        match (&self.environment, &self.sky) {
+            (Environment::Map(..), Some(sky)) => Ok(Some(Arc::clone(sky))),
+            _ => Ok(self.read_sky()?.map(Arc::new)),
+        }
+    }
+
+    /// The scene for the path tracer.
     ///
     /// # Errors
     /// When the environment map cannot be read, or the geometry is broken.
     pub fn reference(&self) -> Result<ReferenceScene, String> {
-        let sky = match &self.environment {
-            Environment::None => Sky::Black,
-            Environment::Constant(radiance) => Sky::constant(*radiance),
-            Environment::Map(file, intensity) => {
-                let map = SkyMap::read(&self.resolve(file)).map_err(|error| error.to_string())?;
-                Sky::map(map, *intensity)
+        let map = self.sky().map_err(|error| error.to_string())?;
+        let sky = match (&self.environment, map) {
+            (Environment::Constant(radiance), _) => Sky::constant(*radiance),
+            (Environment::Map(_, intensity), Some(map)) => {
+                Sky::map(Arc::unwrap_or_clone(map), *intensity)
             }
+            _ => Sky::Black,
         };
         self.reference_under(sky)
     }

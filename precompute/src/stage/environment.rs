@@ -3,8 +3,6 @@
 //! Its light on surfaces is an environment map on the camera: without global illumination Bevy's,
 //! which only ambient occlusion attenuates.
 
-use std::path::Path;
-
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::{Camera, ClearColorConfig};
 use bevy::color::{Color, LinearRgba};
@@ -18,7 +16,6 @@ use bevy::render::render_resource::{
 use frugal_trace::scene::SkyMap;
 use half::f16;
 
-use super::StageError;
 use super::prefilter::{Cube, Pyramid};
 
 /// Texels along the edge of a face of the background cube map.
@@ -47,14 +44,8 @@ pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], ex
 }
 
 /// A latitude-longitude map, times `intensity`, in nits.
-pub(super) fn map(
-    world: &mut World,
-    camera: Entity,
-    file: &Path,
-    intensity: f32,
-) -> Result<(), StageError> {
-    let picture = SkyMap::read(file).map_err(StageError::usage)?;
-    let pyramid = Pyramid::new(&picture);
+pub(super) fn map(world: &mut World, camera: Entity, picture: &SkyMap, intensity: f32) {
+    let pyramid = Pyramid::new(picture);
     let cubes = [
         pyramid.diffuse(),
         pyramid.specular(),
@@ -74,7 +65,6 @@ pub(super) fn map(
         },
         Skybox { image: Some(sky), brightness: intensity * unit, ..Default::default() },
     ));
-    Ok(())
 }
 
 /// A cube map in units of `unit`. In half floats: many mobile GPUs do not filter 32-bit floats.

@@ -58,8 +58,10 @@ pub fn populate(world: &mut World, scene: &LoadedScene, camera: Entity) -> Resul
         Environment::Constant(radiance) => {
             environment::constant(world, camera, *radiance, exposure);
         }
-        Environment::Map(file, intensity) => {
-            environment::map(world, camera, &scene.resolve(file), *intensity)?;
+        Environment::Map(_, intensity) => {
+            if let Some(map) = scene.sky().map_err(StageError::usage)? {
+                environment::map(world, camera, &map, *intensity);
+            }
         }
     }
     Ok(())

@@ -3,18 +3,22 @@
 use std::path::Path;
 
 use glam::Vec3;
+use image::{DynamicImage, ImageReader};
 use serde::{Deserialize, Serialize};
+
+/// What to do about an image of another kind.
+const ANOTHER: &str = "give a Radiance .hdr or OpenEXR file in latitude-longitude form";
 
 /// Why an image is not a valid sky.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form"
-)]
+#[error("environment map {file}: {problem}; {remedy}")]
 pub struct SkyError {
     /// The file.
     pub file: String,
     /// The problem.
     pub problem: String,
+    /// The remedy.
+    pub remedy: &'static str,
 }
 
 /// Radiance of all directions. The first row is straight up, the middle of a row is −Z, and −X is
@@ -33,13 +37,30 @@ impl SkyMap {
     /// Reads an image. Its values are linear; the scene's intensity gives them their unit.
     ///
     /// # Errors
-    /// When it cannot be read, is empty, or holds values that are negative or not finite.
+    /// When it cannot be read, holds integers, which are no radiance, is empty, or holds values that are
+    /// negative or not finite.
     pub fn read(file: &Path) -> Result<Self, SkyError> {
-        let fail = |problem: String| SkyError { file: file.display().to_string(), problem };
-        let picture = image::open(file).map_err(|error| fail(error.to_string()))?.into_rgb32f();
+        let fail = |problem: String, remedy| {
+            Err(SkyError { file: file.display().to_string(), problem, remedy })
+        };
+        let reader = match ImageReader::open(file) {
+            Ok(reader) => reader,
+            Err(error) => return fail(format!("it cannot be read: {error}"), "check the path"),
+        };
+        let picture = match reader.decode() {
+            Ok(floats @ (DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_))) => {
+                floats.into_rgb32f()
+            }
+            Ok(_) => {
+                let problem = "its values are integers for a screen, not linear radiance";
+                return fail(problem.to_owned(), ANOTHER);
+            }
+            Err(error) => return fail(error.to_string(), ANOTHER),
+        };
         let texels = picture.as_raw().as_chunks().0.to_vec();
-        Self::new(picture.width(), picture.height(), texels)
-            .map_err(|problem| fail(problem.to_owned()))
+        Self::new(picture.width(), picture.height(), texels).or_else(|problem| {
+            fail(problem.to_owned(), "write it anew, with finite values of at least 0")
+        })
     }
 
     /// A sky of `width` × `height` texels, row by row.
@@ -112,8 +133,28 @@ mod tests {
             SkyMap::new(1, 1, vec![[f32::NAN, 0.0, 0.0]]).is_err()
                 && SkyMap::new(1, 1, vec![[-1.0, 0.0, 0.0]]).is_err()
         );
-        assert!(
-            SkyMap::read(Path::new("no/such.hdr")).unwrap_err().to_string().contains("no/such.hdr")
-        );
+    }
+
+    #[test]
+    fn files_that_are_no_radiance_get_the_remedy_that_fits() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let floats = |value: f32| image::Rgb32FImage::from_pixel(4, 2, image::Rgb([value; 3]));
+        floats(2.0).save(at("sky.exr")).unwrap();
+        assert_eq!(SkyMap::read(&at("sky.exr")).unwrap().texels(), [[2.0; 3]; 8]);
+        floats(-1.0).save(at("negative.exr")).unwrap();
+        image::RgbImage::new(4, 2).save(at("sky.png")).unwrap();
+        std::fs::write(at("broken.hdr"), "no").unwrap();
+        for (name, words) in [
+            ("missing.hdr", ["cannot be read", "check the path"]),
+            ("broken.hdr", ["broken.hdr", "give a Radiance .hdr"]),
+            ("sky.png", ["not linear radiance", "give a Radiance .hdr"]),
+            ("negative.exr", ["negative", "write it anew"]),
+        ] {
+            let error = SkyMap::read(&at(name)).unwrap_err().to_string();
+            for words in [name, words[0], words[1]] {
+                assert!(error.contains(words), "`{words}` in: {error}");
+            }
+        }
     }
 }
