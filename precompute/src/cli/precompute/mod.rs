@@ -69,6 +69,10 @@ fn search(
     let counts = [arguments.training, calibration];
     let cameras =
         CameraSet::sample(&scene.rays, &bounds, tracks, counts, stage.lens, arguments.seed);
+    // Before a journal is made and everything warmed in vain.
+    if cameras.training.is_empty() {
+        return Err(CliError::usage(format!("{}: {}", scene.label, PipelineError::NoCameras)));
+    }
     let capture = Capture {
         size: stage.size,
         frames_per_second: arguments.capture.image.fps,
@@ -131,10 +135,7 @@ fn search(
     };
     let outcome = run_pipeline(&subject, &config, setup);
     drop(shown);
-    let outcome = outcome.map_err(|error| match error {
-        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.label)),
-        error => JournalUse::Precompute.ended(error),
-    })?;
+    let outcome = outcome.map_err(|error| JournalUse::Precompute.ended(error))?;
     let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter.clone());
     map.validate().map_err(CliError::failed)?;
     Ok(SearchSummary { map, outcome, cameras })

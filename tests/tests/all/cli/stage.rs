@@ -4,13 +4,14 @@ use std::fs;
 
 use super::{
     AT, SCENE, assert_refused, entries, folder, refused_evaluation, run, scene_with_map, stderr,
-    write,
+    tiny_scene, write,
 };
 
 tests!(
     unknown_knobs_and_meters_are_named,
     misspelt_knobs_and_levels_get_the_nearest_one,
     watts_of_another_meter_are_not_mixed_with_a_map_s,
+    a_search_without_a_camera_is_refused_before_it_begins,
     several_processes_record_the_same_path,
 );
 
@@ -53,6 +54,17 @@ fn watts_of_another_meter_are_not_mixed_with_a_map_s() {
     // The map's name opens a meter here, of another description than the map's.
     let words = ["a.pareto.ron", "by hand", "CPU time of this process", "--meter cpu-time=5"];
     refused_evaluation(folder.path(), &["--error-budget", "0.02"], &words);
+}
+
+fn a_search_without_a_camera_is_refused_before_it_begins() {
+    let folder = tiny_scene();
+    let far = r#"(geometry: Gltf("a.glb"), bounds: (min: (900, 900, 900), max: (901, 901, 901)))"#;
+    write(folder.path(), "a.scene.ron", far);
+    let before = entries(folder.path());
+    let search = ["precompute", "a.scene.ron", "--size", "32x32", "--meter", "work"];
+    let words = ["a.scene.ron: no camera in free space sees the scene", "--cameras"];
+    assert_refused(&run(folder.path(), &search), &words);
+    assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
 fn several_processes_record_the_same_path() {
