@@ -15,7 +15,7 @@ use frugal_search::pipeline::CLIP_FRAMES;
 use super::CliError;
 use super::arguments::{CaptureArguments, SceneArguments, check_outputs, duration, write};
 use super::input::{open_scene, stage_for};
-use super::progress::Progress;
+use super::progress::{Progress, interrupted};
 use crate::stage::RemoteStage;
 use crate::subject::{camera_space, frame_layout, tracks_of};
 use crate::work_meter::WORK_METER;
@@ -83,6 +83,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         }
     }
     drop(shown);
+    // Who interrupts it asks for no file in place of the last, from fewer readings than were asked for.
+    if interrupted() {
+        return Err(CliError::failed("interrupted: nothing was written"));
+    }
     if readings.len() < FEWEST {
         return Err(CliError::failed(format!(
             "{} readings in {:.0} s are too few to fit prices: raise --time-limit, or lower --size",

@@ -2,15 +2,20 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::FrontierMap;
 
-use super::{assert_refused, entries, folder, run, scene_with_map, stderr, tiny_scene, write};
+use super::{
+    assert_refused, command, entries, folder, run, scene_with_map, stderr, tiny_scene, write,
+};
 
 tests!(
     several_processes_shards_and_merged_journals_make_the_same_map,
     prices_of_a_device_reprice_a_map,
+    an_interrupted_calibration_writes_nothing,
     a_quick_evaluation_is_checked_by_a_real_play,
 );
 
@@ -95,6 +100,37 @@ fn prices_of_a_device_reprice_a_map() {
         map.shared.points().iter().map(|point| point.cost.error).collect::<Vec<_>>()
     };
     assert_eq!(errors(&new), errors(&old), "errors stay");
+}
+
+/// Whether the process of this number has a handler of SIGINT.
+fn catches_interrupts(id: u32) -> bool {
+    let status = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).is_ok_and(|mask| mask & 2 != 0))
+}
+
+fn an_interrupted_calibration_writes_nothing() {
+    let folder = tiny_scene();
+    write(folder.path(), "b.prices.ron", "precious");
+    let calibrate = ["calibrate", "a.scene.ron", "--size", "32x32", "--time-limit", "10m"];
+    let of = ["--knobs", "antialiasing,post_processing", "--meter", "work", "-o", "b.prices.ron"];
+    let child = command(folder.path(), &[calibrate, of].concat()).spawn().expect("starts");
+    let start = Instant::now();
+    // From the first reading on.
+    while !catches_interrupts(child.id()) {
+        assert!(start.elapsed() < Duration::from_secs(120), "no reading in two minutes");
+        thread::sleep(Duration::from_millis(20));
+    }
+    // Enough readings for a fit.
+    thread::sleep(Duration::from_secs(5));
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.is_ok_and(|status| status.success()));
+    let output = child.wait_with_output().expect("ends");
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("frugal: interrupted: nothing was written"), "{message}");
+    let left = fs::read_to_string(folder.path().join("b.prices.ron")).expect("still there");
+    assert_eq!(left, "precious");
 }
 
 fn a_quick_evaluation_is_checked_by_a_real_play() {
