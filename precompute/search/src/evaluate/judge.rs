@@ -9,7 +9,7 @@ use frugal_core::power::MeterInfo;
 use frugal_core::units::Watts;
 
 use super::baselines::{Oracle, Reactive, best_of, ladder, mixed_constants, oracle};
-use super::result::{mean_error, mean_power};
+use super::result::{mean_error, mean_power, meets};
 use super::{
     BudgetRequest, Choice, Controller, EvaluationResult, Fixed, FrameRecord, PathRecord, Policy,
     Pose, PowerBudget, ResolvedBudget, RunResult,
@@ -175,10 +175,11 @@ impl<'a> Trial<'a> {
         }
         let scaled = levels_of(space, RESOLUTION_KNOB);
         let scaled = record.table.means().filter(|(settings, _)| scaled.contains(settings));
-        if let Some((settings, cost)) = best_of(scaled, budget) {
-            let is_met = budget.keeps(cost.power, cost.error);
+        if let Some((settings, _)) = best_of(scaled, budget) {
+            let series = fixed(settings);
+            let is_met = meets(budget, mean_power(&series), mean_error(&series));
             let closest = "no resolution meets the budget: this is the closest";
-            runs.push(("resolution-only", fixed(settings), (!is_met).then_some(closest)));
+            runs.push(("resolution-only", series, (!is_met).then_some(closest)));
         }
         if is_all {
             runs.push(("default", fixed(self.default), None));

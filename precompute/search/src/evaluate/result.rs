@@ -12,7 +12,7 @@ const NOTABLE_DRIFT: f64 = 0.05;
 /// Relative difference of a rendered run's mean power from the simulated one's that is reported. Transitions
 /// alone make some per cent.
 const NOTABLE_DIFFERENCE: f64 = 0.1;
-/// What a window of the horizon may exceed a power budget by.
+/// What a mean, or one of a window of the horizon, may exceed a power budget by.
 const ALLOWED: f64 = 1.02;
 /// Mean error between two runs at the same settings from which noise is reported. Half the smallest
 /// error step that subdivision considers.
@@ -187,7 +187,7 @@ impl RunResult {
             frames_over_budget: series.iter().filter(is_over).count(),
             switches,
             settings: constant.map(|frame| space.describe(frame.settings)),
-            met: budget.keeps(mean_power_w * (1.0 / ALLOWED), mean_error),
+            met: meets(budget, mean_power_w, mean_error),
             windows_over: budget.power_w.map(|limit| {
                 let mut sum: f64 = series[..window].iter().map(|frame| frame.power.0).sum();
                 let most = ALLOWED * limit.0 * window as f64;
@@ -202,6 +202,11 @@ impl RunResult {
             series,
         }
     }
+}
+
+/// Whether means of power, by 2 %, and of error keep a budget.
+pub(super) fn meets(budget: &ResolvedBudget, power: Watts, error: f64) -> bool {
+    budget.keeps(power * (1.0 / ALLOWED), error)
 }
 
 pub(super) fn mean_power(series: &[FrameRecord]) -> Watts {
