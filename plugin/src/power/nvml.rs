@@ -193,14 +193,24 @@ fn board_name(nvml: &Nvml, index: u32) -> Result<String, MeterError> {
 fn board_named(nvml: &Nvml, name: &str) -> Result<(u32, String), MeterError> {
     let count = nvml.device_count().map_err(meter_error)?;
     let boards = (0..count).map(|index| board_name(nvml, index)).collect::<Result<Vec<_>, _>>()?;
-    match boards.iter().position(|board| plain_name(board) == plain_name(name)) {
-        Some(index) => Ok((index as u32, boards[index].clone())),
-        None => Err(MeterError::unavailable(
-            NAME,
-            format!(
-                "no NVIDIA board is called \"{name}\"; there is: {}",
-                if count == 0 { "none".to_owned() } else { boards.join(", ") }
-            ),
+    let index = only_named(&boards, name).map_err(|why| MeterError::unavailable(NAME, why))?;
+    Ok((index as u32, boards[index].clone()))
+}
+
+/// Index of the only one of `boards` with this name: of two equal ones, either might not be the one that
+/// renders.
+fn only_named(boards: &[String], name: &str) -> Result<usize, String> {
+    let is_named = |index: &usize| plain_name(&boards[*index]) == plain_name(name);
+    let named: Vec<usize> = (0..boards.len()).filter(is_named).collect();
+    match named[..] {
+        [index] => Ok(index),
+        [] => Err(format!(
+            "no NVIDIA board is called \"{name}\"; there is: {}",
+            if boards.is_empty() { "none".to_owned() } else { boards.join(", ") }
+        )),
+        _ => Err(format!(
+            "there are {} boards called \"{name}\": name one as nvml=INDEX",
+            named.len()
         )),
     }
 }
@@ -255,6 +265,16 @@ mod tests {
     fn names_are_compared_without_decoration() {
         assert_eq!(plain_name("NVIDIA GeForce RTX 3080/PCIe/SSE2"), plain_name("GeForce RTX 3080"));
         assert_ne!(plain_name("NVIDIA GeForce RTX 3080"), plain_name("NVIDIA GeForce RTX 3080 Ti"));
+    }
+
+    #[test]
+    fn of_equal_boards_none_is_taken_by_its_name() {
+        let boards = ["NVIDIA RTX A4000", "NVIDIA H200", "NVIDIA RTX A4000"].map(str::to_owned);
+        assert_eq!(only_named(&boards, "H200"), Ok(1));
+        let why = |name| only_named(&boards, name).expect_err("no one board");
+        assert!(why("RTX A4000").contains("there are 2 boards"), "{}", why("RTX A4000"));
+        assert!(why("RTX A4000").contains("nvml=INDEX"), "{}", why("RTX A4000"));
+        assert!(why("GTX 970").contains("there is: NVIDIA RTX A4000, "), "{}", why("GTX 970"));
     }
 
     #[test]
