@@ -41,6 +41,10 @@ impl Common<'_> {
     /// all cameras together.
     pub(super) fn divide(&self, rates: &mut RateTracker, frames: &mut [Frame<'_>]) {
         let app_limit = self.app_budget.limit();
+        if app_limit.is_none() {
+            // What is spent without a limit counts under none.
+            *rates = RateTracker::default();
+        }
         // The cameras of the first one's knob space share levels, if there are several cameras.
         let wanted = if frames.len() > 1 { wanted(frames) } else { None };
         if frames.is_empty() || (app_limit.is_none() && wanted.is_none()) {

@@ -44,6 +44,27 @@ fn an_app_budget_is_divided_among_its_cameras() {
     }
 }
 
+#[test]
+fn what_is_spent_without_an_app_budget_is_not_held_against_it() {
+    let (mut app, camera, _) = scene(Budget::default());
+    let mut powers = |limit: Option<f64>, seconds: usize| -> Vec<f64> {
+        app.world_mut().resource_mut::<AppBudget>().power = limit.map(Watts);
+        let frame = |number: usize| {
+            // A view that moves.
+            let place = GlobalTransform::from_xyz(0.5 * (number % 2) as f32, 0.0, 0.0);
+            app.world_mut().entity_mut(camera).insert(place);
+            app.update();
+            selection(&app, camera).predicted_applied.expect("a prediction").power.0
+        };
+        (0..8 * seconds).map(frame).collect()
+    };
+    let before = powers(Some(7.5), 60);
+    assert!(powers(None, 300)[80..].iter().all(|power| *power == 9.0));
+    let after = powers(Some(7.5), 60);
+    let mean = |powers: &[f64]| powers.iter().sum::<f64>() / powers.len() as f64;
+    assert!(mean(&after[80..]) > 0.97 * mean(&before[80..]), "{before:?} {after:?}");
+}
+
 /// A reading of `watts` over the last frame.
 fn read(app: &mut App, watts: Option<f64>) {
     let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();

@@ -131,9 +131,19 @@ impl Account {
             self.since -= part;
             self.past[self.count % PARTS] = self.now;
             self.count += 1;
+            self.forget();
         }
         // The end of a part that has become shorter.
         self.since = self.since.max(0.0);
+    }
+
+    /// Forgets what was spent too much before the last horizon, but for a small share: a limit that could
+    /// not be kept for long would else be followed by as long at the cheapest settings.
+    fn forget(&mut self) {
+        let oldest = self.past.iter().copied().fold(f64::INFINITY, f64::min);
+        let beyond = (oldest - TOLERANCE * self.limit * self.horizon).max(0.0);
+        self.now -= beyond;
+        self.past.iter_mut().for_each(|past| *past -= beyond);
     }
 
     /// The windows of the horizon that began with the budget or later, in which a share of the limit may

@@ -150,6 +150,23 @@ fn another_budget_begins_anew_and_a_drifting_one_does_not() {
 }
 
 #[test]
+fn a_limit_that_could_not_be_kept_for_long_is_repaid_for_a_horizon_at_most() {
+    let limits = (Some(3.0), None, 30.0);
+    let mut tracker = RateTracker::default();
+    play(&mut tracker, turns(60, 3), limits);
+    // Ten minutes at 5 W too much, whatever the rate says.
+    for view in turns(600, 3) {
+        tracker.begin(limits.0, limits.1, limits.2);
+        tracker.rate(&Curve::of(&view, 1.0), limits.0, limits.1, 1.0, 0.125);
+        tracker.spend(CostPoint::new(8.0, 0.0), 0.125);
+    }
+    let costs = play(&mut tracker, turns(120, 3), limits);
+    let means: Vec<f64> = costs.chunks(240).map(|part| mean(part, |c| c.power.0)).collect();
+    assert!(means[0] < 2.0, "of 30 s each: {means:?}");
+    assert!(means[2..].iter().all(|mean| (2.7..3.05).contains(mean)), "of 30 s each: {means:?}");
+}
+
+#[test]
 fn limits_at_their_extremes_take_the_ends() {
     let with = |power, error| {
         let mut tracker = RateTracker::default();
