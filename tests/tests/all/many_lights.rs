@@ -1,14 +1,17 @@
 //! More lights than maps can be rendered in a frame, or exist: only maps that are out of date are
 //! rendered, in turns, and lights fade when they get or lose their maps.
 
-use bevy::camera::visibility::Visibility;
+use std::any::TypeId;
+
+use bevy::camera::visibility::{Visibility, VisibilityRange, VisibleEntities};
 use bevy::color::Color;
+use bevy::ecs::component::Component;
 use bevy::ecs::entity::Entity;
 use bevy::image::Image;
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::primitives::Sphere;
 use bevy::math::{Quat, Vec3};
-use bevy::mesh::Meshable;
+use bevy::mesh::{Mesh3d, Meshable};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{GiLimits, GiRefresh, RsmView};
 use frugal::stage::Stage;
@@ -23,6 +26,7 @@ tests!(
     maps_are_rendered_in_turns,
     a_light_that_goes_takes_its_light_with_it,
     lights_are_exchanged_without_a_step,
+    maps_take_no_view_of_levels_of_detail,
 );
 
 /// Range of the point lights, metres.
@@ -293,4 +297,45 @@ fn lights_are_exchanged_without_a_step() {
     assert!(largest < 0.3, "{largest}");
     let world = stage.world_mut();
     assert_eq!(world.query::<&RsmView>().iter(world).count(), 6, "the first one's maps are gone");
+}
+
+/// Makes an entity move behind all others in the order of queries.
+#[derive(Component)]
+struct Later;
+
+/// Bevy keeps ranges of visibility for 32 views.
+fn maps_take_no_view_of_levels_of_detail() {
+    let mut stage = corner(vec![]);
+    let lights: Vec<Entity> = (0..7)
+        .map(|number| {
+            let place = Vec3::new(0.4 * number as f32 - 1.2, 1.5, 0.0);
+            point_light(&mut stage, place, Color::WHITE)
+        })
+        .collect();
+    rest(&mut stage);
+    let world = stage.world_mut();
+    assert_eq!(world.query::<&RsmView>().iter(world).count(), 6 * lights.len());
+    let lit = gpu::total_flux(&gpu::vpls(&stage))[0];
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).insert(Later);
+    let [near, far] = [0.0, 50.0].map(|start| {
+        let size = Vec3::new(4.0, 0.1, 4.0);
+        let lid =
+            meshes::spawn_box(&mut stage, 0.5 * Vec3::Y, size, meshes::diffuse(0.0, 0.0, 0.0));
+        let range = VisibilityRange::abrupt(start, start + 50.0);
+        stage.world_mut().entity_mut(lid).insert(range);
+        lid
+    });
+    let shows = |stage: &mut Stage, mesh: Entity| {
+        let list = stage.world_mut().get::<VisibleEntities>(camera).expect("a list");
+        list.get(TypeId::of::<Mesh3d>()).contains(&mesh)
+    };
+    for _ in 0..4 {
+        stage.frame();
+        assert!(shows(&mut stage, near) && !shows(&mut stage, far));
+    }
+    rest(&mut stage);
+    assert!(shows(&mut stage, near) && !shows(&mut stage, far));
+    let covered = gpu::total_flux(&gpu::vpls(&stage))[0];
+    assert!(lit > 0.0 && covered < 0.7 * lit, "all maps show the black lid: {covered} of {lit}");
 }

@@ -9,7 +9,7 @@ use std::any::TypeId;
 use bevy::camera::primitives::{Aabb, Frustum, Sphere};
 use bevy::camera::visibility::{
     InheritedVisibility, NoCpuCulling, NoFrustumCulling, RenderLayers, SetViewVisibility,
-    ViewVisibility, VisibilityRange, VisibleEntities, VisibleEntityRanges,
+    ViewVisibility, VisibilityRange, VisibleEntities,
 };
 use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
@@ -21,7 +21,7 @@ use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 use fixedbitset::FixedBitSet;
 
-use super::map::RsmView;
+use super::map::{MapPlace, RsmView};
 use crate::gi::surfaces::MeshChanges;
 use crate::gi::view::GiFrame;
 
@@ -49,10 +49,9 @@ struct PaddedFrustum {
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct Map {
-    entity: Entity,
     camera: &'static Camera,
     projection: &'static Projection,
-    place: &'static GlobalTransform,
+    place: &'static MapPlace,
     frustum: Ref<'static, Frustum>,
     layers: Ref<'static, RenderLayers>,
     visible: &'static mut VisibleEntities,
@@ -68,7 +67,7 @@ pub(super) struct Candidate {
     bounds: Option<&'static Aabb>,
     layers: Option<&'static RenderLayers>,
     is_everywhere: Has<NoFrustumCulling>,
-    has_range: Has<VisibilityRange>,
+    range: Option<&'static VisibilityRange>,
 }
 
 type Casts = (With<Mesh3d>, Without<NotShadowCaster>, Without<NoCpuCulling>);
@@ -83,7 +82,6 @@ pub(super) fn list(
     mut maps: Query<Map, With<RsmView>>,
     meshes: Query<Candidate, Casts>,
     mut visibilities: Query<(Entity, &mut ViewVisibility), With<Mesh3d>>,
-    ranges: Option<Res<VisibleEntityRanges>>,
     changes: Res<MeshChanges>,
 ) {
     let changed = changes.changed();
@@ -93,7 +91,7 @@ pub(super) fn list(
         if changes.unknown || map.layers.is_changed() {
             map.meshes.padded = None;
         }
-        let corners = || corners(map.projection, map.place);
+        let corners = || corners(map.projection, &map.place.0);
         if map.frustum.is_changed() {
             map.meshes.padded = map.meshes.padded.filter(|padded| padded.fits(&corners()));
         }
@@ -103,13 +101,13 @@ pub(super) fn list(
         }
         let Some(padded) = map.meshes.padded else { continue };
         let list = map.visible.get_mut(TypeId::of::<Mesh3d>());
-        let is_in_range = |mesh| {
-            ranges.as_ref().is_none_or(|ranges| ranges.entity_is_in_range_of_view(mesh, map.entity))
-        };
+        let eye = map.place.0.translation_vec3a();
         let is_shown = |mesh: &CandidateItem| {
             mesh.inherited.get()
                 && map.layers.intersects(mesh.layers.unwrap_or_default())
-                && (!mesh.has_range || is_in_range(mesh.entity))
+                && mesh
+                    .range
+                    .is_none_or(|range| range.is_visible_at_all(distance(eye, mesh, range)))
                 && (mesh.is_everywhere
                     || mesh
                         .bounds
@@ -135,6 +133,12 @@ pub(super) fn list(
             visibility.set_visible();
         }
     }
+}
+
+/// Distance from `eye` by which Bevy chooses a mesh's level of detail, metres.
+fn distance(eye: Vec3A, mesh: &CandidateItem, range: &VisibilityRange) -> f32 {
+    let middle = mesh.bounds.filter(|_| range.use_aabb).map(|bounds| bounds.center);
+    eye.distance(mesh.place.affine().transform_point3a(middle.unwrap_or(Vec3A::ZERO)))
 }
 
 /// Corners of what a map can show, in the world. Those of Bevy's half-spaces are others: of a parallel

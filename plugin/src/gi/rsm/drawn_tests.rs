@@ -18,6 +18,7 @@ use proptest::prelude::*;
 
 use super::{MapMeshes, PADDING, is_needed, list};
 use crate::gi::rsm::RsmView;
+use crate::gi::rsm::map::MapPlace;
 use crate::gi::surfaces::{MeshChanges, note_changes};
 use crate::gi::view::GiFrame;
 
@@ -159,7 +160,8 @@ proptest! {
         let world = app.world_mut();
         let (twin, map) = (camera(world), camera(world));
         let view = RsmView { light: twin, camera: None, face: 0 };
-        world.entity_mut(map).insert((view, MapMeshes::default()));
+        let place = MapPlace(GlobalTransform::default());
+        world.entity_mut(map).insert((view, place, MapMeshes::default()));
         let mut meshes = [None; 12];
         for frame in frames {
             let world = app.world_mut();
@@ -169,7 +171,8 @@ proptest! {
             for view in [twin, map] {
                 if let Some(place) = frame.moves {
                     let place = 0.1 * Vec3::from(place.map(f32::from));
-                    world.entity_mut(view).insert(GlobalTransform::from_translation(place));
+                    let place = GlobalTransform::from_translation(place);
+                    world.entity_mut(view).insert((place, MapPlace(place)));
                 }
                 if let Some(layer) = frame.layer {
                     world.entity_mut(view).insert(RenderLayers::layer(layer));

@@ -13,7 +13,7 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::settings::WgpuLimits;
 use bevy::render::sync_component::SyncComponent;
-use bevy::transform::components::Transform;
+use bevy::transform::components::{GlobalTransform, Transform};
 use range_alloc::RangeAllocator;
 
 use super::lights::RsmLight;
@@ -35,6 +35,12 @@ pub struct RsmView {
     /// the near one.
     pub face: u8,
 }
+
+/// Where a map's camera is. It has a `GlobalTransform` only from when it is due to the end of the frame:
+/// Bevy counts all entities that are cameras and have one among the 32 views that ranges of visibility
+/// are kept for, and those of the app come behind.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub(super) struct MapPlace(pub GlobalTransform);
 
 /// A light's reflective shadow map. In both worlds, beside [`RsmView`]; the renderer has its
 /// [`RsmLight`] as a component, too.

@@ -42,7 +42,7 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::render::extract_component::{ExtractComponentPlugin, UniformComponentPlugin};
-use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
+use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderSystems};
 
 use super::schedule::{GiSystems, SceneSystems};
 pub(super) use lights::RsmLight;
@@ -79,6 +79,7 @@ pub(super) fn build(app: &mut App) {
 pub(super) fn finish(render_app: &mut SubApp) {
     render_app
         .init_gpu_resource::<resolve::RsmKernel>()
+        .add_systems(ExtractSchedule, views::end_views)
         .add_systems(Render, resolve::drop_main_phases.in_set(RenderSystems::CreateViews))
         .add_systems(Core3d, resolve.in_set(GiSystems::Resolve));
 }

@@ -16,7 +16,7 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
 use super::changes::{SceneReader, shift};
-use super::map::{LightMap, MapAge, RsmView};
+use super::map::{LightMap, MapAge, MapPlace, RsmView};
 use super::views::MapsReweighted;
 use crate::cut::Jumps;
 use crate::gi::settings::GiLimits;
@@ -28,6 +28,8 @@ use crate::schedule::PipelinesBusy;
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct DueMap {
+    entity: Entity,
+    place: &'static MapPlace,
     view: &'static RsmView,
     frustum: &'static Frustum,
     map: &'static mut LightMap,
@@ -54,6 +56,7 @@ pub(super) fn decide(
     other_materials: Query<(), (With<Mesh3d>, Without<MeshMaterial3d<StandardMaterial>>)>,
     mut scene: SceneReader,
     mut maps: Query<DueMap>,
+    mut commands: Commands,
 ) {
     let changes = scene.read();
     let are_active = |camera: &Camera, gi: &ActiveGi| camera.is_active && gi.vpl_count > 0;
@@ -109,7 +112,7 @@ pub(super) fn decide(
             true => Gate::Most(limits.max_rsms_per_frame),
             false => Gate::Urgent,
         };
-        (next.maps, next.waiting) = activate(&mut maps, gate);
+        (next.maps, next.waiting) = activate(&mut maps, gate, &mut commands);
     } else {
         next.maps = false;
     }
@@ -129,7 +132,7 @@ fn mark(maps: &mut [DueMapItem], spheres: &[Sphere], everywhere: bool) {
 
 /// Lets the maps that are due be rendered; their cameras were inactive. Whether there is any, and
 /// how many wait although the gate is open.
-fn activate(maps: &mut [DueMapItem], gate: Gate) -> (bool, u32) {
+fn activate(maps: &mut [DueMapItem], gate: Gate, commands: &mut Commands) -> (bool, u32) {
     let request = |DueMapItem { view, map, .. }: &DueMapItem| MapRequest {
         group: (view.light, view.camera),
         importance: map.importance,
@@ -137,10 +140,13 @@ fn activate(maps: &mut [DueMapItem], gate: Gate) -> (bool, u32) {
     };
     let waiting: Vec<MapRequest> = maps.iter().map(request).collect();
     let (mut any, mut left) = (false, 0);
-    for (DueMapItem { map, camera, .. }, is_due) in maps.iter_mut().zip(due(&waiting, gate)) {
+    for (DueMapItem { entity, place, map, camera, .. }, is_due) in
+        maps.iter_mut().zip(due(&waiting, gate))
+    {
         any |= is_due;
         if is_due {
             camera.is_active = true;
+            commands.entity(*entity).insert(place.0);
             map.age = MapAge::FRESH;
         } else if map.age.stale > 0 {
             map.age.stale = map.age.stale.saturating_add(1);

@@ -12,9 +12,14 @@ use bevy::light::{DirectionalLight, PointLight, SpotLight, SunDisk};
 use bevy::math::UVec2;
 use bevy::math::primitives::ViewFrustum;
 use bevy::platform::collections::HashMap;
+use bevy::render::Extract;
+use bevy::render::camera::{ExtractedCamera, MipBias, TemporalJitter};
 use bevy::render::render_resource::TextureUsages;
 use bevy::render::renderer::RenderDevice;
-use bevy::render::view::Msaa;
+use bevy::render::sync_world::MainEntity;
+use bevy::render::view::{
+    ExtractedView, Msaa, NoIndirectDrawing, RenderVisibleEntities, ViewUniformOffset,
+};
 use bevy::time::{Real, Time};
 use bevy::transform::components::{GlobalTransform, Transform};
 
@@ -23,7 +28,7 @@ use super::drawn::MapMeshes;
 use super::extent::SceneBox;
 use super::focus::Focus;
 use super::lights::{BouncingLight, Placed};
-use super::map::{LightMap, MapAge, MapCapacity, MapSlots, MapSpec, RsmView};
+use super::map::{LightMap, MapAge, MapCapacity, MapPlace, MapSlots, MapSpec, RsmView};
 use super::selection::LightSelection;
 use super::specs::{Viewer, choose};
 use crate::gi::compute::limits_of;
@@ -105,7 +110,7 @@ pub(super) fn maintain(
         match missing.remove(map.view) {
             Some(spec) => {
                 reweighted.0 |= map.map.share != spec.map.share;
-                map.update(spec);
+                map.update(spec, &mut commands);
             }
             None => {
                 reweighted.0 = true;
@@ -128,16 +133,19 @@ pub(super) struct Map {
     camera: &'static mut Camera,
     target: &'static mut RenderTarget,
     projection: &'static mut Projection,
-    transform: &'static mut GlobalTransform,
+    place: &'static mut MapPlace,
+    frustum: &'static mut Frustum,
+    was_due: Has<GlobalTransform>,
     drawn_layers: &'static mut RenderLayers,
 }
 
 impl MapItem<'_, '_> {
     /// Applies the differences from `spec`.
-    fn update(mut self, mut spec: MapSpec) {
+    fn update(mut self, mut spec: MapSpec, commands: &mut Commands) {
         // Until it is decided that the map is due.
-        if self.camera.is_active {
+        if self.was_due {
             self.camera.is_active = false;
+            commands.entity(self.entity).remove::<GlobalTransform>();
         }
         let order = spec.order();
         if self.camera.order != order {
@@ -156,7 +164,10 @@ impl MapItem<'_, '_> {
             *self.projection = spec.projection;
             measure(&mut self.camera, &self.projection, size);
         }
-        let moved = self.transform.set_if_neq(spec.transform.into());
+        let moved = self.place.set_if_neq(MapPlace(spec.transform.into()));
+        if moved || reprojected {
+            *self.frustum = self.projection.compute_frustum(&self.place.0);
+        }
         self.drawn_layers.set_if_neq(spec.map.layers.clone());
         let (before, now) = (&*self.map, spec.map);
         let shows = |map: &LightMap| (map.light, map.shading, map.layers.clone());
@@ -191,6 +202,8 @@ fn spawn(commands: &mut Commands, mut spec: MapSpec) {
     let mut camera = Camera { order, is_active: false, ..Default::default() };
     spec.projection.update(size.x as f32, size.y as f32);
     measure(&mut camera, &spec.projection, size);
+    let place = GlobalTransform::from(spec.transform);
+    let frustum = spec.projection.compute_frustum(&place);
     let mut camera = commands.spawn((
         spec.view,
         // Meshes of these layers cast the light's shadows, and reflect its light.
@@ -204,12 +217,36 @@ fn spawn(commands: &mut Commands, mut spec: MapSpec) {
         DepthPrepass,
         DeferredPrepass,
         spec.projection,
-        GlobalTransform::from(spec.transform),
-        MapMeshes::default(),
+        (MapPlace(place), frustum, MapMeshes::default()),
     ));
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
     // same flush as the spawn: the render world must never have seen them.
     camera.remove::<Clusters>();
     // An app's `Single<&mut Transform, With<Camera>>` means its own camera.
-    camera.remove::<Transform>();
+    camera.remove::<(Transform, GlobalTransform)>();
+}
+
+/// In the render world: ends the views of maps that are not due. Bevy leaves out cameras without a
+/// place, and would keep them.
+pub(super) fn end_views(
+    maps: Extract<Query<&Camera, With<RsmView>>>,
+    views: Query<(Entity, &MainEntity), (With<RsmView>, With<ExtractedView>)>,
+    mut commands: Commands,
+) {
+    for (view, map) in &views {
+        if maps.get(map.id()).is_ok_and(|camera| !camera.is_active) {
+            // What Bevy removes of cameras that are not active.
+            commands.entity(view).remove::<(
+                ExtractedCamera,
+                ExtractedView,
+                RenderVisibleEntities,
+                TemporalJitter,
+                MipBias,
+                RenderLayers,
+                Projection,
+                NoIndirectDrawing,
+                ViewUniformOffset,
+            )>();
+        }
+    }
 }
