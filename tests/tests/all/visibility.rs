@@ -2,6 +2,7 @@
 
 use bevy::app::Last;
 use bevy::asset::Assets;
+use bevy::camera::visibility::VisibilityRange;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::resource::Resource;
 use bevy::ecs::system::{Commands, Query, Res};
@@ -25,6 +26,7 @@ tests!(
     rays_enabled_at_the_end_of_a_frame_work_one_frame_later,
     occluders_that_moved_occlude_where_they_are,
     what_streams_in_is_spread_over_frames,
+    hidden_levels_of_detail_do_not_wait,
 );
 
 /// Mean indirect radiance of a view, nits.
@@ -254,4 +256,24 @@ fn what_streams_in_is_spread_over_frames() {
         assert!(stage.world_mut().despawn(*mesh));
     }
     assert_eq!(after_frame(&mut stage), (602 + 20, 0));
+}
+
+fn hidden_levels_of_detail_do_not_wait() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    mean(&mut stage, "coarse");
+    let speck = stage.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(0.01));
+    let mut spawn = |count: usize, range: Option<VisibilityRange>| {
+        for index in 0..count {
+            let place = Transform::from_xyz(0.02 * index as f32, 0.5, 0.5);
+            let mut mesh = stage.world_mut().spawn((Mesh3d(speck.clone()), place));
+            range.clone().map(|range| mesh.insert(range));
+        }
+        stage.frame();
+        let occluders = stage.world_mut().resource::<GiOccluders>();
+        (occluders.instance_count(), occluders.waiting())
+    };
+    assert_eq!(spawn(1500, None), (1502, 0));
+    let [far, near] = [500.0, 0.0].map(|start| Some(VisibilityRange::abrupt(start, 600.0)));
+    assert_eq!(spawn(600, far), (1502, 0), "out of range");
+    assert_eq!(spawn(600, near), (1502 + 256, 344), "in range");
 }

@@ -29,7 +29,7 @@ use crate::gi::view::{ActiveGi, GiCameras, LightPresence, MeshVisibility, Visibi
 /// transmissive ones, those with [`NotShadowCaster`], and those whose asset is kept for the GPU alone
 /// (with a warning). Of skinned meshes, each joint moves a rigid piece, slimmer where several joints
 /// move it. Alpha masks of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per
-/// triangle, where the CPU can read the mask's image (else no holes, with a warning). Where that image
+/// triangle; a mask that the CPU cannot read is copied from the GPU first. Where a mask's image
 /// changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move
 /// vertices are ignored. Meshes of more than 4096 triangles, or 64 with a mask, are built in the
 /// background and occlude nothing until then. Where fewer meshes come than are there, 256 a frame
@@ -158,9 +158,15 @@ pub(super) fn update(
         let (known, mut new): (Vec<_>, Vec<_>) =
             changes.altered.iter().copied().partition(|entity| scene.holds(*entity));
         if !new.is_empty() {
-            // Those that went in the same frame, or that wait already, do not come.
-            let queued: HashSet<Entity> = scene.new.iter().copied().collect();
-            new.retain(|entity| meshes.contains(*entity) && !queued.contains(entity));
+            // Those that went in the same frame, or that wait already, do not come. Some are named twice.
+            let mut queued: HashSet<Entity> = scene.new.iter().copied().collect();
+            // Nor do those that occlude nothing, such as hidden levels of detail.
+            let occludes = |entity: Entity| {
+                meshes
+                    .get(entity)
+                    .is_ok_and(|mesh| read(mesh).is_none_or(|parts| !parts.is_empty()))
+            };
+            new.retain(|entity| queued.insert(*entity) && occludes(*entity));
         }
         // A scene that arrives is no stream: it is there at once, in one long frame.
         let most = if new.len() > scene.parts.len() { usize::MAX } else { MAX_NEW };
