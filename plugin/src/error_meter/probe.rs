@@ -73,7 +73,7 @@ type Measured = (
     &'static mut MeterState,
     &'static Camera,
     &'static Projection,
-    &'static KnobSettings,
+    Option<&'static KnobSettings>,
     Option<&'static Selection>,
     (Has<TemporalAntiAliasing>, Has<AutoExposure>),
 );
@@ -102,9 +102,7 @@ pub(super) fn drive(
         match &mut state.phase {
             Phase::Waits => {
                 let is_due = state.begun == 0 || state.waited >= meter.interval(state.begun);
-                if !is_due {
-                    continue;
-                }
+                let Some(knobs) = knobs.filter(|_| is_due) else { continue };
                 let best = best(&registry, knobs);
                 if !view.is_active
                     || view.sub_camera_view.is_some()
@@ -159,7 +157,11 @@ pub(super) fn drive(
             Phase::Renders { probe, tile, frames } => {
                 *frames += 1;
                 let same = view.physical_viewport_size() == Some(tile.full) && view.is_active;
-                let (Ok((mut lens, mut at, exposure)), true) = (probes.get_mut(*probe), same)
+                // While time stands still, exposure cannot come to rest, and the probe would render on.
+                let seconds = shown_time.delta_secs();
+                let goes_on = same && !(is_exposed && seconds <= 0.0);
+                let (Ok((mut lens, mut at, exposure)), Some(knobs), true) =
+                    (probes.get_mut(*probe), knobs, goes_on)
                 else {
                     commands.entity(*probe).try_despawn();
                     state.phase = Phase::Waits;
@@ -168,11 +170,6 @@ pub(super) fn drive(
                 *lens = projection.clone();
                 at.set_if_neq(place);
                 if let Some(mut exposure) = exposure {
-                    let seconds = shown_time.delta_secs();
-                    if seconds <= 0.0 {
-                        *frames -= 1;
-                        continue;
-                    }
                     adapt(&mut exposure, seconds);
                 }
                 let least = if is_temporal { TEMPORAL_FRAMES } else { MIN_FRAMES };

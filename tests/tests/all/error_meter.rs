@@ -6,10 +6,12 @@ use bevy::asset::Assets;
 use bevy::camera::Camera;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
+use bevy::ecs::world::EntityWorldMut;
 use bevy::math::{UVec2, Vec3};
 use bevy_frugal_gi::control::{Budget, ErrorFeedback, PowerController};
 use bevy_frugal_gi::error_meter::{ErrorMeter, ErrorProbe, MeasuredError};
 use bevy_frugal_gi::frontier::FrontierMap;
+use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::units::Watts;
 use frugal::stage::Stage;
 use frugal_tests::{map, set};
@@ -153,17 +155,24 @@ fn measuring_leaves_the_camera_s_image_and_nothing_behind() {
         stage.frame();
     }
     assert_eq!(cameras(&mut stage), before.0);
-    // Its meter goes in the middle of a measurement.
-    set::look(&mut stage, EYE + Vec3::X * 0.1, TARGET);
-    for _ in 0..4 {
-        stage.frame();
+    // Its settings, then its meter, go in the middle of a measurement.
+    let ends: [fn(EntityWorldMut); 2] = [
+        |mut camera| drop(camera.remove::<KnobSettings>()),
+        |mut camera| drop(camera.remove::<ErrorMeter>()),
+    ];
+    for (number, end) in ends.into_iter().enumerate() {
+        set::apply(&mut stage, "max,gi_pixel_fraction=1/4,gi_vpl_count=256");
+        set::look(&mut stage, EYE + Vec3::X * (0.1 + 0.1 * number as f32), TARGET);
+        for _ in 0..4 {
+            stage.frame();
+        }
+        assert!(cameras(&mut stage) > before.0, "a probe renders: {number}");
+        end(stage.world_mut().entity_mut(camera));
+        for _ in 0..4 {
+            stage.frame();
+        }
+        assert_eq!(cameras(&mut stage), before.0, "{number}");
     }
-    assert!(cameras(&mut stage) > before.0, "a probe renders");
-    stage.world_mut().entity_mut(camera).remove::<ErrorMeter>();
-    for _ in 0..4 {
-        stage.frame();
-    }
-    assert_eq!(cameras(&mut stage), before.0);
 }
 
 fn the_controller_learns_from_measurements() {
