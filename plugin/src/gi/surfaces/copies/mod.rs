@@ -150,6 +150,8 @@ fn ask(
     for image in &changes.images {
         copies.forget(*image, &mut commands);
     }
+    // An app may clear its level with all that it does not know.
+    copies.requested.retain(|_, request| requests.contains(*request));
     for mut request in &mut requests {
         request.frames += 1;
         if request.frames > PATIENCE_FRAMES {
@@ -282,5 +284,22 @@ fn copy(
                 1,
             );
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_whose_request_an_app_despawned_is_asked_for_again() {
+        let mut world = World::new();
+        let (gone, image) = (world.spawn_empty().id(), AssetId::default());
+        let mut copies = GiTextureCopies::default();
+        copies.requested.insert(image, gone);
+        world.init_resource::<MeshChanges>();
+        world.insert_resource(copies);
+        world.run_system_cached(ask).expect("a system");
+        assert!(world.resource::<GiTextureCopies>().is_new(image));
     }
 }
