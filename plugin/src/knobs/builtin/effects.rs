@@ -161,9 +161,9 @@ fn fit_bloom(
     )>,
 ) {
     for (camera, share, mut bloom, mut record, scale) in &mut cameras {
-        let height = camera.physical_viewport_size().map_or(720, |size| size.y);
-        let scale = scale.copied().unwrap_or_default().0;
-        let largest = (f64::from(height) * f64::from(scale) * share.0).clamp(8.0, 512.0);
+        let size = camera.physical_viewport_size().unwrap_or(UVec2::new(1280, 720));
+        let height = scale.copied().unwrap_or_default().apply(size).y;
+        let largest = (f64::from(height) * share.0).clamp(8.0, 512.0);
         // Bloom halves it down to 2: powers of two leave no remainder.
         let max_mip_dimension = 1 << (largest as u32).ilog2();
         if bloom.max_mip_dimension != max_mip_dimension {
@@ -218,6 +218,20 @@ mod tests {
         knob.release(&mut world, camera);
         assert_eq!(counts(&world), [Some(10), Some(40), Some(64)]);
         assert_eq!(world.get::<VolumetricFog>(camera).map(|fog| fog.jitter), Some(0.5));
+    }
+
+    #[test]
+    fn bloom_fits_images_of_any_scale() {
+        let (mut world, knob) = (World::new(), post_processing());
+        let camera = world.spawn((Camera::default(), Bloom::NATURAL)).id();
+        let highest = knob.knob().levels.len() - 1;
+        knob.apply(&mut world, camera, &knob.knob().levels[highest]);
+        for (scale, height) in [(1.0, 512), (0.5, 256), (f32::NAN, 512), (-1.0, 64), (1e9, 512)] {
+            world.entity_mut(camera).insert(ResolutionScale(scale));
+            world.run_system_cached(fit_bloom).expect("a system");
+            let bloom = world.get::<Bloom>(camera).expect("bloom");
+            assert_eq!(bloom.max_mip_dimension, height, "{scale}");
+        }
     }
 
     #[test]
