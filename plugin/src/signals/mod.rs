@@ -72,7 +72,7 @@ impl Default for BatterySettings {
 }
 
 /// The battery's state, for budgets of battery time. On Linux, macOS and Windows it is read every five
-/// seconds while a camera has such a budget; elsewhere the app writes it.
+/// seconds from the first such budget on; elsewhere the app writes it.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct BatteryLevel {

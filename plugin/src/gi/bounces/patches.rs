@@ -30,11 +30,10 @@ struct PatchSet {
 ///
 /// Every visible mesh with a lit, opaque or masked `StandardMaterial` reflects. Exceptions:
 /// unlit, transparent and transmissive ones, those with [`NotShadowCaster`], forward-rendered ones,
-/// and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move
-/// vertices, other kinds of material and ranges of visibility are ignored: all levels of
-/// detail of a mesh reflect, unless one occludes another. Textures of base colour, metallic
-/// and roughness are read where the CPU has their images in uncompressed formats; else grey
-/// replaces them, with a warning.
+/// and skinned ones, whose triangles here are those of the bind pose. Of the levels of detail of a
+/// `VisibilityRange`, the one at the camera's distance reflects. Morphs, shaders that move vertices and
+/// other kinds of material are ignored. Textures of base colour, metallic and roughness that the CPU
+/// cannot read are copied from the GPU first.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiPatches {
     sets: Vec<PatchSet>,
