@@ -321,7 +321,7 @@ fn naive_rsm(data: &Data) -> String {
     );
     svg.text((745.0, 22.0), "b e", "error");
     let panel = Panel {
-        x: Axis::logarithmic((10.0, 1000.0), (330.0, 690.0)),
+        x: Axis::logarithmic((10.0, 2000.0), (330.0, 690.0)),
         y: Axis::linear((rows.len() as f64, 0.0), (bottom, 42.0)),
     };
     let xs = [(10.0, "10"), (30.0, "30"), (100.0, "100"), (300.0, "300"), (1000.0, "1000")];
