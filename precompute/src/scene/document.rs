@@ -7,6 +7,7 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::json::validation::{Error, Validate};
 use gltf::json::{Path, Root};
 use gltf::{Document, Gltf, Material, Semantic};
+use percent_encoding::percent_decode_str;
 
 /// Extensions that Bevy's loader reads, or that are nothing to an image.
 const READ: [&str; 12] = [
@@ -100,19 +101,8 @@ pub(super) fn files(bytes: &[u8]) -> Vec<String> {
     let root = document.into_json();
     let buffers = root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
     let images = root.images.iter().filter_map(|image| image.uri.as_deref());
-    buffers.chain(images).filter(|uri| !uri.starts_with("data:")).map(percent_decoded).collect()
-}
-
-/// A URI as a path.
-fn percent_decoded(uri: &str) -> String {
-    let mut parts = uri.split('%');
-    let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
-    for part in parts {
-        let code = part.get(..2).and_then(|code| u8::from_str_radix(code, 16).ok());
-        bytes.push(code.unwrap_or(b'%'));
-        bytes.extend(part.bytes().skip(if code.is_some() { 2 } else { 0 }));
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
+    let decoded = |uri| percent_decode_str(uri).decode_utf8_lossy().into_owned();
+    buffers.chain(images).filter(|uri| !uri.starts_with("data:")).map(decoded).collect()
 }
 
 /// The first contradiction in the file.

@@ -157,8 +157,12 @@ fn measuring_leaves_the_camera_s_image_and_nothing_behind() {
     assert_eq!(cameras(&mut stage), before.0);
     // Its settings, then its meter, go in the middle of a measurement.
     let ends: [fn(EntityWorldMut); 2] = [
-        |mut camera| drop(camera.remove::<KnobSettings>()),
-        |mut camera| drop(camera.remove::<ErrorMeter>()),
+        |mut camera| {
+            camera.remove::<KnobSettings>();
+        },
+        |mut camera| {
+            camera.remove::<ErrorMeter>();
+        },
     ];
     for (number, end) in ends.into_iter().enumerate() {
         set::apply(&mut stage, "max,gi_pixel_fraction=1/4,gi_vpl_count=256");
