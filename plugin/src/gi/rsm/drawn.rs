@@ -23,7 +23,7 @@ use fixedbitset::FixedBitSet;
 
 use super::map::{MapPlace, RsmView};
 use crate::gi::surfaces::MeshChanges;
-use crate::gi::view::GiFrame;
+use crate::gi::view::{GiFrame, level_position};
 
 /// Padding of a map's frustum, as a share of its diagonal. Higher values list anew less often while
 /// a map moves; lower values draw fewer meshes that it does not show.
@@ -101,13 +101,14 @@ pub(super) fn list(
         }
         let Some(padded) = map.meshes.padded else { continue };
         let list = map.visible.get_mut(TypeId::of::<Mesh3d>());
-        let eye = map.place.0.translation_vec3a();
+        let eye = map.place.0.translation();
         let is_shown = |mesh: &CandidateItem| {
             mesh.inherited.get()
                 && map.layers.intersects(mesh.layers.unwrap_or_default())
-                && mesh
-                    .range
-                    .is_none_or(|range| range.is_visible_at_all(distance(eye, mesh, range)))
+                && mesh.range.is_none_or(|range| {
+                    let position = level_position(range, mesh.bounds, mesh.place);
+                    range.is_visible_at_all(eye.distance(position))
+                })
                 && (mesh.is_everywhere
                     || mesh
                         .bounds
@@ -133,12 +134,6 @@ pub(super) fn list(
             visibility.set_visible();
         }
     }
-}
-
-/// Distance from `eye` by which Bevy chooses a mesh's level of detail, metres.
-fn distance(eye: Vec3A, mesh: &CandidateItem, range: &VisibilityRange) -> f32 {
-    let middle = mesh.bounds.filter(|_| range.use_aabb).map(|bounds| bounds.center);
-    eye.distance(mesh.place.affine().transform_point3a(middle.unwrap_or(Vec3A::ZERO)))
 }
 
 /// Corners of what a map can show, in the world. Those of Bevy's half-spaces are others: of a parallel

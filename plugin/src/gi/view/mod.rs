@@ -35,7 +35,9 @@ use crate::cut::Jumps;
 pub(super) use fade::{ActiveGi, ForwardVolume, GiShare};
 pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, MapChanges};
-pub(super) use shown::{GiCameras, LightPresence, MeshVisibility, SkySource, VisibilityFilter};
+pub(super) use shown::{
+    GiCameras, LightPresence, MeshVisibility, SkySource, VisibilityFilter, level_position,
+};
 pub(super) use work::{HistoryAction, Work};
 
 pub(super) fn build(app: &mut App) {

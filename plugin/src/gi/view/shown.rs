@@ -137,15 +137,22 @@ impl VisibilityFilter {
         aabb: Option<&Aabb>,
         transform: &GlobalTransform,
     ) -> bool {
-        let position = match aabb {
-            Some(aabb) if range.use_aabb => {
-                transform.affine().transform_point3a(aabb.center).into()
-            }
-            _ => transform.translation(),
-        };
+        let position = level_position(range, aabb, transform);
         let middle = |margin: &std::ops::Range<f32>| 0.5 * (margin.start + margin.end);
         let (from, to) = (middle(&range.start_margin), middle(&range.end_margin));
         self.eyes.iter().any(|eye| (from..to).contains(&eye.distance(position)))
+    }
+}
+
+/// Where a mesh is whose distance decides on its level of detail, as Bevy has it.
+pub(in crate::gi) fn level_position(
+    range: &VisibilityRange,
+    aabb: Option<&Aabb>,
+    transform: &GlobalTransform,
+) -> Vec3 {
+    match aabb {
+        Some(aabb) if range.use_aabb => transform.affine().transform_point3a(aabb.center).into(),
+        _ => transform.translation(),
     }
 }
 
