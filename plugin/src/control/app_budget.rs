@@ -41,10 +41,9 @@ impl Common<'_> {
     /// all cameras together.
     pub(super) fn divide(&self, rates: &mut RateTracker, frames: &mut [Frame<'_>]) {
         let app_limit = self.app_budget.limit();
-        if app_limit.is_none() {
-            // What is spent without a limit counts under none.
-            *rates = RateTracker::default();
-        }
+        // Also without a limit: what is spent then counts under none.
+        let watts = app_limit.map(|limit| limit.0);
+        rates.begin(watts, None, Budget::HORIZON.as_secs_f64());
         // The cameras of the first one's knob space share levels, if there are several cameras.
         let wanted = if frames.len() > 1 { wanted(frames) } else { None };
         if frames.is_empty() || (app_limit.is_none() && wanted.is_none()) {
@@ -115,7 +114,6 @@ impl Common<'_> {
         for frame in frames {
             sum.add(&Curve::of(frame.frontier(), frame.weight));
         }
-        rates.begin(Some(limit.0), None, Budget::HORIZON.as_secs_f64());
         let hold = self.settings.hold_seconds();
         let rate = rates.rate(&sum, Some(stored.0), None, hold, self.time.delta_secs_f64());
         // In still views what could stay, as for a camera's own budget.
