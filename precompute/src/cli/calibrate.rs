@@ -15,7 +15,7 @@ use frugal_search::pipeline::CLIP_FRAMES;
 use super::CliError;
 use super::arguments::{CaptureArguments, SceneArguments, check_outputs, duration, write};
 use super::input::{open_scene, stage_for};
-use super::progress::{Progress, interrupted};
+use super::progress::Progress;
 use crate::stage::RemoteStage;
 use crate::subject::{camera_space, frame_layout, tracks_of};
 use crate::work_meter::WORK_METER;
@@ -78,15 +78,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         let elapsed = started.elapsed();
         let seconds = [elapsed, limit].map(|time| time.as_secs() as usize);
         let going_on = shown.at(seconds[0], seconds[1], "seconds of readings".to_owned());
-        if elapsed >= limit || going_on.is_break() {
+        // Who interrupts it asks for no file in place of the last, from fewer readings than were asked for.
+        if going_on.is_break() {
+            return Err(CliError::failed("interrupted: nothing was written"));
+        }
+        if elapsed >= limit {
             break;
         }
     }
     drop(shown);
-    // Who interrupts it asks for no file in place of the last, from fewer readings than were asked for.
-    if interrupted() {
-        return Err(CliError::failed("interrupted: nothing was written"));
-    }
     if readings.len() < FEWEST {
         return Err(CliError::failed(format!(
             "{} readings in {:.0} s are too few to fit prices: raise --time-limit, or lower --size",
