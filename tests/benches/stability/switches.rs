@@ -104,7 +104,9 @@ impl Bench {
         let times = ControlSettings::TRANSITION;
         let mut filter = SettingsFilter::default();
         filter.resume_from(from);
-        let frames = (ControlSettings::TRANSITION.as_secs_f64() / seconds).ceil() as usize + FRAMES;
+        // The transition, and half a second in which light fades.
+        let whole = ControlSettings::TRANSITION.as_secs_f64() + 0.5;
+        let frames = (whole / seconds).ceil() as usize + FRAMES;
         let step = |_| {
             let applied = filter.step(&map.knobs, to, seconds, times);
             self.stage.switch(applied);

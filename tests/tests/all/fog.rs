@@ -19,6 +19,7 @@ tests!(
     fog_has_the_light_of_the_path_tracer,
     fog_in_a_dark_room_stays_dark,
     fog_is_lit_once_and_by_choice,
+    fog_comes_and_goes_with_gi,
     values_out_of_range_are_no_light,
 );
 
@@ -229,6 +230,25 @@ fn fog_is_lit_once_and_by_choice() {
     assert!(sum(&frames(&mut stage, 8)) != clear);
     stage.world_mut().despawn(volume);
     assert_eq!(sum(&frames(&mut stage, 8)), clear);
+}
+
+fn fog_comes_and_goes_with_gi() {
+    let (eye, target) = (Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6));
+    let mut stage = stage("two_rooms", eye, target);
+    add(&mut stage, fog(0.5, 0.0), Transform::from_scale(Vec3::splat(20.0)));
+    let lit = frames(&mut stage, FRAMES).mean();
+    let off = format!("{SETTINGS},gi_vpl_count=0");
+    // GI fades in half a second, 15 frames.
+    let mut seen = vec![lit];
+    set::switch(&mut stage, &off);
+    seen.extend((0..20).map(|_| frames(&mut stage, 1).mean()));
+    let clear = seen[seen.len() - 1];
+    set::switch(&mut stage, SETTINGS);
+    seen.extend((0..20).map(|_| frames(&mut stage, 1).mean()));
+    let most = seen.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+    println!("    {lit} to {clear} nits, {most} at most in a frame");
+    assert!((lit - clear).abs() > 0.2 * clear, "{lit} and {clear} nits");
+    assert!(most < 2.0 / 15.0 * (lit - clear).abs(), "{seen:?}");
 }
 
 fn values_out_of_range_are_no_light() {

@@ -12,6 +12,9 @@
 //! A knob that depends on another (rays need virtual point lights) moves while it has no effect,
 //! within T: before the other is switched on, or after it is switched off. Otherwise settings on
 //! the way would be on no frontier: lights without rays shine through walls.
+//!
+//! The knob that others need is a switch. It goes to its target in one step, half-way through the
+//! transition: the renderer fades what it switches, and levels on the way would show in the fade.
 
 use std::cmp::Ordering;
 use std::time::Duration;
@@ -49,11 +52,13 @@ struct Transition {
     level: u8,
     /// Direction of its last change since the knob was at rest.
     last: Option<Ordering>,
+    /// Whether the level waits while the position moves.
+    is_held: bool,
 }
 
 impl Transition {
     fn at_rest(level: u8) -> Self {
-        Self { position: f64::from(level), to: level, rate: 0.0, level, last: None }
+        Self { position: f64::from(level), to: level, level, ..Self::default() }
     }
 
     /// Remaining levels; negative downwards.
@@ -76,9 +81,22 @@ impl Transition {
         };
     }
 
-    fn turn_to(&mut self, to: u8) {
+    /// Whether the way to the target switches other knobs, which have an effect from level `switch` on.
+    fn crosses(&self, switch: Option<usize>) -> bool {
+        let is_on = |level: u8| switch.is_some_and(|switch| usize::from(level) >= switch);
+        is_on(self.level) != is_on(self.to)
+    }
+
+    /// Takes a target. `is_kept`: the level waits until the knob has no effect.
+    fn turn_to(&mut self, to: u8, is_kept: bool, switch: Option<usize>) {
         let before = self.remaining();
         self.to = to;
+        let is_held = is_kept || self.crosses(switch);
+        // It goes on from what is shown.
+        if self.is_held && !is_held {
+            self.position = f64::from(self.level);
+        }
+        self.is_held = is_held;
         let after = self.remaining();
         // A knob that slowed at each change of the target's distance would never arrive.
         let same_side = before * after > 0.0;
@@ -88,8 +106,16 @@ impl Transition {
         }
     }
 
-    /// Rounds the position as the closed form does, with hysteresis on reversals.
-    fn round(&mut self) {
+    /// Rounds the position as the closed form does, with hysteresis on reversals. A switch is on one
+    /// side until half of the way is done.
+    fn round(&mut self, switch: Option<usize>) {
+        if self.crosses(switch) {
+            let way = f64::from(self.to) - f64::from(self.level);
+            if (self.position - f64::from(self.level)) / way >= 0.5 {
+                *self = Self::at_rest(self.to);
+            }
+            return;
+        }
         let margin = |taken_back| if self.last == Some(taken_back) { REVERSAL_MARGIN } else { 0.0 };
         let (up, down) = (0.5 + margin(Ordering::Less), 0.5 + margin(Ordering::Greater));
         let offset = self.position - f64::from(self.level);
@@ -203,19 +229,19 @@ impl SettingsFilter {
                 *transition = Transition::at_rest(to);
                 return target.level(index);
             }
+            let switch = if is_at_rest { None } else { space.needed_level(knob) };
             transition.advance(delta_seconds, time);
             // Resumed settings may belong to a larger space. `max` also rejects NaN, which
             // reflection may write.
             transition.position = transition.position.max(0.0).min(highest);
-            if transition.to != to {
-                transition.turn_to(to);
+            let is_kept = depends && !space.has_effect(target, knob);
+            if transition.to != to || transition.is_held {
+                transition.turn_to(to, is_kept, switch);
                 // A time of 0 completes the transition here.
                 transition.advance(0.0, time);
             }
-            let is_kept =
-                depends && transition.remaining() != 0.0 && !space.has_effect(target, knob);
-            if !is_kept {
-                transition.round();
+            if !is_kept || transition.remaining() == 0.0 {
+                transition.round(switch);
             }
             usize::from(transition.level)
         });

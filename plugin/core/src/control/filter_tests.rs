@@ -189,8 +189,44 @@ fn a_knob_moves_while_what_it_needs_is_off() {
         assert_eq!(filter.applied(), to, "it arrives");
         let without_rays = seen.iter().find(|it| it.level(0) > 0 && it.level(1) < 2);
         assert_eq!(without_rays, None, "{from:?} to {to:?}");
-        assert!(seen.iter().any(|it| (1..3).contains(&it.level(0))), "no jump");
+        assert!(seen.iter().all(|it| [0, 3].contains(&it.level(0))), "{from:?} to {to:?}");
+        // Half of two seconds, after the frame of the change.
+        let before = seen.iter().filter(|it| it.level(0) == from.level(0)).count();
+        assert!((60..=61).contains(&before), "{before}");
     }
+}
+
+#[test]
+fn a_switch_that_is_taken_back_moves_nothing() {
+    let space = dependent_space();
+    for (from, to, back) in [
+        (settings(0, 0), settings(3, 2), settings(0, 0)),
+        (settings(3, 2), settings(0, 0), settings(3, 2)),
+    ] {
+        let mut filter = SettingsFilter::default();
+        filter.resume_from(from);
+        for round in 0..20 {
+            for frame in 0..100 {
+                let target = if frame < 55 { to } else { back };
+                let got = filter.step(&space, target, FRAME, TWO);
+                assert_eq!(got.level(0), from.level(0), "frame {frame} of round {round}");
+                // Rays follow only where nobody sees them.
+                assert!(got.level(0) == 0 || got.level(1) == 2, "frame {frame} of round {round}");
+            }
+        }
+    }
+    // The other way where it turns elsewhere: from there in single levels.
+    let mut filter = SettingsFilter::default();
+    filter.resume_from(settings(3, 2));
+    for target in [settings(0, 0), settings(1, 2)] {
+        let mut last = filter.applied();
+        for _ in 0..50 {
+            let next = filter.step(&space, target, FRAME, TWO);
+            assert!(last.level(0) - next.level(0) <= 1 && next.level(1) == 2, "{next:?}");
+            last = next;
+        }
+    }
+    assert_eq!(filter.applied().level(0), 2, "1.8");
 }
 
 #[test]

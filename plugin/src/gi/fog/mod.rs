@@ -27,7 +27,7 @@ use bevy::render::{Extract, GpuResourceAppExt, Render, RenderSystems};
 
 use super::compute::{Kernel, definitions, drop_with};
 use super::forward::{ForwardView, PLACES, places_kernel, volume_uniform, write_places};
-use super::view::{ActiveGi, GiView};
+use super::view::{ActiveGi, GiShare, GiView};
 
 /// Steps of the camera's own march for one of this: indirect light changes slowly.
 const OWN_STEPS: u32 = 4;
@@ -127,10 +127,11 @@ fn extract(
     }
 }
 
-/// Fog is lit once: by what reaches it, not by Bevy's ambient light, which has no shadows.
-fn replace_ambient_light(mut cameras: Query<&mut VolumetricFog, With<FogView>>) {
-    for mut fog in &mut cameras {
-        fog.ambient_intensity = 0.0;
+/// Fog is lit once: by what reaches it, not by Bevy's ambient light, which has no shadows. They fade into
+/// each other.
+fn replace_ambient_light(mut cameras: Query<(&mut VolumetricFog, &GiShare), With<FogView>>) {
+    for (mut fog, share) in &mut cameras {
+        fog.ambient_intensity *= 1.0 - share.0;
     }
 }
 
@@ -239,7 +240,7 @@ pub(super) fn prepare(
     mut pipelines: ResMut<FogPipelines>,
     mut specialized: ResMut<SpecializedRenderPipelines<FogPipelines>>,
     mut views: Query<
-        (Entity, &FogCamera, &ExtractedView, Option<&mut FogView>),
+        (Entity, &FogCamera, &GiShare, &ExtractedView, Option<&mut FogView>),
         (With<GiView>, With<ForwardView>),
     >,
 ) {
@@ -250,10 +251,11 @@ pub(super) fn prepare(
     }
     pipelines.places.queue(&cache, Vec::new());
     let Some(mut writer) = buffer.get_writer(count, &device, &queue) else { return };
-    for (entity, camera, view, held) in &mut views {
-        let written = volumes
-            .iter()
-            .map(|(fog, _)| writer.write(&FogUniform { steps: camera.0, ..fog.clone() }));
+    for (entity, camera, share, view, held) in &mut views {
+        let written = volumes.iter().map(|(fog, _)| {
+            let (scattering, hides) = (fog.scattering * share.0, fog.hides * share.0);
+            writer.write(&FogUniform { scattering, hides, steps: camera.0, ..fog.clone() })
+        });
         let offsets = written.collect();
         let pipelines = [false, true].map(|has_texture| {
             specialized.specialize(&cache, &pipelines, (view.target_format, has_texture))

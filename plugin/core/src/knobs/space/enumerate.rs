@@ -36,6 +36,12 @@ impl KnobSpace {
         self.dependencies(knob).all(|(other, at_least)| settings.level(other) >= at_least)
     }
 
+    /// The lowest level of `knob` at which a knob that needs it has an effect; `None` if none does.
+    pub(crate) fn needed_level(&self, knob: &Knob) -> Option<usize> {
+        let needs = self.knobs.iter().filter_map(|other| other.needs.as_ref());
+        needs.filter(|need| need.knob == knob.name).map(|need| need.at_least).min()
+    }
+
     /// Chain of dependencies of `knob`: index and minimum level of the knob that it needs, of the
     /// knob that this one needs, and so on. A knob outside this space is held at its highest level,
     /// so it meets every condition. Ends even for circular dependencies.
@@ -69,8 +75,7 @@ impl KnobSpace {
         fn count(space: &KnobSpace, index: usize, settings: KnobLevels) -> u64 {
             let Some(knob) = space.knobs.get(index) else { return 1 };
             let levels = if space.has_effect(settings, knob) { knob.levels.len() } else { 1 };
-            let mut needs = space.knobs.iter().filter_map(|other| other.needs.as_ref());
-            if !needs.any(|need| need.knob == knob.name) {
+            if space.needed_level(knob).is_none() {
                 return count(space, index + 1, settings).saturating_mul(levels as u64);
             }
             (0..levels).fold(0, |sum, level| {
