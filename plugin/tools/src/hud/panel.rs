@@ -9,7 +9,7 @@ use bevy_frugal_gi::control::{
     AppBudget, Budget, FrontierSource, PowerController, PowerCorrection, PowerFeedback, Selection,
     frontier_in_play,
 };
-use bevy_frugal_gi::error_meter::MeasuredError;
+use bevy_frugal_gi::error_meter::{ErrorProbe, MeasuredError};
 use bevy_frugal_gi::frontier::{
     CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit, camera_view,
 };
@@ -23,9 +23,13 @@ use super::plot::{self, Plot};
 use super::text::{Facts, caption};
 use super::wipe::WipeCamera;
 
-/// A camera that has a panel.
-pub(super) type HasPanel =
-    (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
+/// A camera that has a panel. Not the hidden ones of the wipe and of error meters.
+pub(super) type HasPanel = (
+    With<Camera>,
+    Or<(With<Selection>, With<KnobSettings>)>,
+    Without<WipeCamera>,
+    Without<ErrorProbe>,
+);
 
 /// Space inside a panel's border, logical pixels.
 const PADDING: f32 = 6.0;

@@ -11,6 +11,7 @@ use bevy::light::{DirectionalLightShadowMap, PointLightShadowMap};
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
 use bevy::time::TimeUpdateStrategy;
 use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
+use bevy_frugal_gi::error_meter::ErrorProbe;
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
 use bevy_frugal_gi::units::Watts;
@@ -133,6 +134,16 @@ fn every_camera_with_settings_has_a_panel() {
     app.world_mut().entity_mut(camera).despawn();
     run(&mut app, 2);
     assert_eq!(parts(&mut app), 1, "its own camera");
+}
+
+#[test]
+fn the_hidden_camera_of_an_error_meter_has_no_panel() {
+    let (mut app, camera) = scene();
+    run(&mut app, 2);
+    let best = app.world().get::<KnobSettings>(camera).expect("settings").clone();
+    app.world_mut().spawn((Camera::default(), ErrorProbe { camera }, best));
+    run(&mut app, 1);
+    assert_eq!(parts(&mut app), 2, "a camera and a panel");
 }
 
 #[test]
