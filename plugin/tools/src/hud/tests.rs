@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bevy::asset::AssetEvent;
-use bevy::camera::{Exposure, Viewport};
+use bevy::camera::{Exposure, RenderTargetInfo, Viewport};
 use bevy::ecs::message::Messages;
 use bevy::light::VolumetricFog;
 use bevy::light::{DirectionalLightShadowMap, PointLightShadowMap};
@@ -205,6 +205,31 @@ fn a_wipe_shows_the_same_view_at_the_best_settings() {
     assert!(seconds(&mut app).is_empty());
     let mut nodes = app.world_mut().query_filtered::<(), With<WipeNode>>();
     assert_eq!(nodes.iter(app.world()).count(), 0);
+}
+
+/// Lets a camera show the right half of a window of 1280 × 720.
+fn show(app: &mut App, camera: Entity) {
+    let mut camera = app.world_mut().get_mut::<Camera>(camera).expect("a camera");
+    camera.computed.target_info =
+        Some(RenderTargetInfo { physical_size: UVec2::new(1280, 720), scale_factor: 1.0 });
+    let (physical_position, physical_size) = (UVec2::new(640, 0), UVec2::new(640, 720));
+    camera.viewport = Some(Viewport { physical_position, physical_size, ..default() });
+}
+
+#[test]
+fn parts_lie_over_their_viewport_whatever_the_scale_of_the_interface() {
+    let (mut app, camera) = scene();
+    app.insert_resource(UiScale(2.0));
+    show(&mut app, camera);
+    run(&mut app, 2);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 3);
+    let mut panels = app.world_mut().query_filtered::<&Node, With<Panel>>();
+    let panel = panels.single(app.world()).expect("a panel");
+    assert_eq!((panel.left, panel.max_width, panel.max_height), (px(320), px(320), px(360)));
+    let mut wipes = app.world_mut().query_filtered::<&Node, With<WipeNode>>();
+    let wipe = wipes.single(app.world()).expect("a wipe");
+    assert_eq!((wipe.left, wipe.width, wipe.height), (px(480), px(160), px(360)));
 }
 
 #[test]

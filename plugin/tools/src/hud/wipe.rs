@@ -135,6 +135,7 @@ type Original =
 pub(super) fn follow(
     mut commands: Commands,
     wipe: Res<HudWipe>,
+    scale: Option<Res<UiScale>>,
     mut images: ResMut<Assets<Image>>,
     originals: Query<Original, Without<WipeCamera>>,
     mut seconds: Query<(
@@ -148,6 +149,9 @@ pub(super) fn follow(
     )>,
     mut nodes: Query<(&mut Node, &mut ImageNode), With<WipeNode>>,
 ) {
+    // The interface's pixels.
+    let scale = scale.map_or(1.0, |scale| scale.0);
+    let px = |logical: f32| px(logical / scale);
     for (entity, wiped, mut camera, mut local, mut global, projection, knobs) in &mut seconds {
         let Ok((original, at, lens, current)) = originals.get(wiped.of) else { continue };
         // Before the first camera: its image is then of the same frame.
@@ -188,7 +192,7 @@ pub(super) fn follow(
             top: px(place.min.y),
             width: px(place.width() - logical),
             height: px(place.height()),
-            border: UiRect::left(px(2)),
+            border: UiRect::left(px(2.0)),
             ..default()
         };
         node.set_if_neq(new);
