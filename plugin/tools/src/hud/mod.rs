@@ -38,6 +38,7 @@ impl Plugin for HudPlugin {
             .init_resource::<HudWipe>()
             .init_resource::<log::SwitchLog>()
             .add_observer(log::record)
+            .add_observer(wipe::remove_node)
             .register_type::<HudSettings>()
             .register_type::<HudWipe>()
             .register_type::<HudPart>()

@@ -233,6 +233,24 @@ fn parts_lie_over_their_viewport_whatever_the_scale_of_the_interface() {
 }
 
 #[test]
+fn a_wipe_leaves_nothing_where_the_app_despawns_its_camera() {
+    let (mut app, camera) = scene();
+    show(&mut app, camera);
+    run(&mut app, 2);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 2);
+    let [second] = seconds(&mut app)[..] else { panic!("one wipe") };
+    // As all cameras of a level.
+    app.world_mut().entity_mut(second).despawn();
+    run(&mut app, 2);
+    let mut nodes = app.world_mut().query_filtered::<(), With<WipeNode>>();
+    assert_eq!((seconds(&mut app).len(), nodes.iter(app.world()).count()), (1, 1));
+    app.world_mut().resource_mut::<HudWipe>().at = None;
+    run(&mut app, 2);
+    assert_eq!((seconds(&mut app).len(), nodes.iter(app.world()).count()), (0, 0));
+}
+
+#[test]
 fn a_wipe_shows_what_knobs_took_away() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), KnobPlugin, HudPlugin))

@@ -83,8 +83,6 @@ pub(super) fn spawn(
     for (entity, second) in &seconds {
         if !is_shown(second.of) {
             commands.entity(entity).despawn();
-            commands.entity(second.node).despawn();
-            images.remove(&second.image);
         }
     }
     let mut drawn_by = None;
@@ -108,6 +106,17 @@ pub(super) fn spawn(
             WipeCamera { of: camera, image: image.clone(), node },
             RenderTarget::Image(ImageRenderTarget::from(image)),
         ));
+    }
+}
+
+/// Removes the node of a second camera, also where the app despawns all cameras.
+pub(super) fn remove_node(
+    gone: On<Remove, WipeCamera>,
+    seconds: Query<&WipeCamera>,
+    mut commands: Commands,
+) {
+    if let Ok(second) = seconds.get(gone.entity) {
+        commands.entity(second.node).try_despawn();
     }
 }
 
