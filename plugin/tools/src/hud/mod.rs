@@ -50,7 +50,8 @@ impl Plugin for HudPlugin {
                     remove_panels.run_if(resource_changed::<HudSettings>),
                     (spawn_panels, panel::write).chain().run_if(is_visible),
                     wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
-                    (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
+                    wipe::spawn.run_if(wipe::is_wanted),
+                    retarget.run_if(any_with_component::<HudPart>),
                 )
                     .chain(),
             )
@@ -173,6 +174,27 @@ fn spawn_camera(commands: &mut Commands) -> Entity {
     // On no layer, so that it shows none of the app's sprites.
     let layers = RenderLayers::none();
     commands.spawn((Name::new("HUD"), HudPart, Camera2d, camera, Msaa::Off, layers)).id()
+}
+
+/// Draws panels and wipes by the present camera: the HUD replaces its own where its settings change,
+/// and an app may despawn it. Removes one that is left of a wipe while the HUD is hidden.
+fn retarget(
+    mut commands: Commands,
+    ui_camera: UiCamera,
+    mut nodes: Query<&mut UiTargetCamera, With<HudPart>>,
+) {
+    let mut drawn_by = None;
+    for mut target in &mut nodes {
+        let wanted = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
+        if target.0 != wanted {
+            target.0 = wanted;
+        }
+    }
+    if drawn_by.is_none() && !ui_camera.settings.visible {
+        for camera in &ui_camera.own {
+            commands.entity(camera).despawn();
+        }
+    }
 }
 
 #[cfg(test)]

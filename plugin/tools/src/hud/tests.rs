@@ -251,6 +251,27 @@ fn a_wipe_leaves_nothing_where_the_app_despawns_its_camera() {
 }
 
 #[test]
+fn its_own_camera_is_there_while_it_draws() {
+    let (mut app, camera) = scene();
+    show(&mut app, camera);
+    app.world_mut().resource_mut::<HudSettings>().visible = false;
+    run(&mut app, 2);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 2);
+    let mut own = app.world_mut().query_filtered::<Entity, (With<HudPart>, With<Camera2d>)>();
+    let first = own.single(app.world()).expect("a camera");
+    // As all cameras of a menu.
+    app.world_mut().entity_mut(first).despawn();
+    run(&mut app, 1);
+    let second = own.single(app.world()).expect("a camera");
+    let mut targets = app.world_mut().query::<&UiTargetCamera>();
+    assert_eq!(targets.single(app.world()).expect("a node").0, second);
+    app.world_mut().resource_mut::<HudWipe>().at = None;
+    run(&mut app, 1);
+    assert_eq!(parts(&mut app), 0);
+}
+
+#[test]
 fn a_wipe_shows_what_knobs_took_away() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), KnobPlugin, HudPlugin))

@@ -207,18 +207,3 @@ pub(super) fn follow(
         node.set_if_neq(new);
     }
 }
-
-/// Draws the wipe by the HUD's present camera: the HUD replaces its own where its settings change.
-pub(super) fn retarget(
-    mut commands: Commands,
-    ui_camera: UiCamera,
-    mut nodes: Query<&mut UiTargetCamera, With<WipeNode>>,
-) {
-    let mut drawn_by = None;
-    for mut target in &mut nodes {
-        let wanted = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
-        if target.0 != wanted {
-            target.0 = wanted;
-        }
-    }
-}
