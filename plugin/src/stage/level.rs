@@ -121,7 +121,13 @@ fn missing(world: &mut World, unchanged: Duration) -> Result<Result<Entity, Stri
         }
     }
     let time = if is_empty { SETTLED_EMPTY } else { SETTLED };
-    Ok(if unchanged < time { Err("a second without new assets".to_owned()) } else { camera })
+    if unchanged < time {
+        let time = time.as_secs();
+        return Ok(Err(format!(
+            "{time} s without new assets; insert `StageReady` where the app always makes some"
+        )));
+    }
+    Ok(camera)
 }
 
 /// The camera to measure, if there is one yet.
@@ -225,5 +231,20 @@ pub(super) fn keep_pace(held: Option<Res<Held>>, limit: Option<ResMut<FrameRateL
         && let Some(mut limit) = limit
     {
         limit.set_if_neq(FrameRateLimit::default());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_that_never_settles_is_named_with_the_remedy() {
+        let mut world = World::new();
+        let camera = world.spawn((Camera3d::default(), Transform::default())).id();
+        let waits = missing(&mut world, SETTLED_EMPTY - SETTLED).expect("no fault");
+        let waits = waits.expect_err("assets came lately");
+        assert!(waits.starts_with("10 s") && waits.contains("`StageReady`"), "{waits}");
+        assert_eq!(missing(&mut world, SETTLED_EMPTY), Ok(Ok(camera)));
     }
 }
