@@ -131,7 +131,7 @@ pub(super) fn upscale(
         ClearColorConfig::Custom(color) => Some(*color),
         ClearColorConfig::None => None,
     };
-    // Not the view's own: Bevy puts another in its place for a screenshot, maybe after it was copied.
+    // Not the view's own, a copy: Bevy may have put another in its place since, for a screenshot.
     let Some(output) = camera.target.as_ref().and_then(|target| attachments.get(target)) else {
         return;
     };

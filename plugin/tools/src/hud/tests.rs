@@ -153,8 +153,18 @@ fn an_app_can_draw_it_by_a_camera_of_its_own() {
     app.world_mut().resource_mut::<HudSettings>().camera = Some(camera);
     run(&mut app, 2);
     assert_eq!(parts(&mut app), 1);
-    let mut roots = app.world_mut().query::<(&HudPart, &UiTargetCamera)>();
-    assert!(roots.iter(app.world()).all(|(_, target)| target.0 == camera));
+    let mut roots = app.world_mut().query::<&UiTargetCamera>();
+    assert_eq!(roots.single(app.world()).expect("a panel").0, camera);
+    // As with a level: the HUD helps itself until the app names another.
+    app.world_mut().entity_mut(camera).despawn();
+    run(&mut app, 2);
+    assert_eq!(parts(&mut app), 2, "a camera and a panel");
+    assert_ne!(roots.single(app.world()).expect("a panel").0, camera);
+    let next = app.world_mut().spawn(Camera2d).id();
+    app.world_mut().resource_mut::<HudSettings>().camera = Some(next);
+    run(&mut app, 2);
+    assert_eq!(parts(&mut app), 1);
+    assert_eq!(roots.single(app.world()).expect("a panel").0, next);
 }
 
 /// A component of the app's own.

@@ -25,8 +25,8 @@ const BORDER: Color = Color::srgb(1.0, 0.9, 0.2);
 /// both.
 ///
 /// Knobs that Bevy keeps for the whole app (shadow maps) are at their best on both sides while it is
-/// there. The camera's components are copied when it begins: toggle it where the app changes exposure,
-/// fog or the like.
+/// there. The camera's components are copied when it begins: toggle it where the app changes
+/// exposure, fog or the like.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct HudWipe {
