@@ -9,7 +9,7 @@ use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{sampler, texture_2d};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
-use bevy::render::view::ViewTarget;
+use bevy::render::view::{ViewTarget, ViewTargetAttachments};
 
 use super::ResolutionScale;
 use super::scaled::{ScaledView, is_over_another};
@@ -116,13 +116,14 @@ pub(super) fn take_over_output(
 }
 
 pub(super) fn upscale(
-    view: ViewQuery<(&ViewTarget, &UpscalePipelineId, &ScaledView)>,
+    view: ViewQuery<(&ViewTarget, &ExtractedCamera, &UpscalePipelineId, &ScaledView)>,
+    attachments: Res<ViewTargetAttachments>,
     pipelines: Res<UpscalePipelines>,
     global_clear_color: Res<ClearColor>,
     cache: Res<PipelineCache>,
     mut context: RenderContext,
 ) {
-    let (target, UpscalePipelineId(pipeline, clear_color), part) = view.into_inner();
+    let (target, camera, UpscalePipelineId(pipeline, clear_color), part) = view.into_inner();
     let Some(pipeline) = cache.get_render_pipeline(*pipeline) else { return };
     // As Bevy's blit does. Only the first camera of a target clears it.
     let clear_color = match clear_color {
@@ -130,9 +131,11 @@ pub(super) fn upscale(
         ClearColorConfig::Custom(color) => Some(*color),
         ClearColorConfig::None => None,
     };
-    let Some(attachment) = target.out_texture_color_attachment(clear_color.map(Into::into)) else {
+    // Not the view's own, a copy: Bevy may have put another in its place since, for a screenshot.
+    let Some(output) = camera.target.as_ref().and_then(|target| attachments.get(target)) else {
         return;
     };
+    let attachment = output.get_attachment(clear_color.map(Into::into));
     let bind_group = context.render_device().create_bind_group(
         "frugal_gi/upscale",
         &cache.get_bind_group_layout(&pipelines.layout),

@@ -61,13 +61,13 @@ const INTERVAL: Duration = Duration::from_secs(5);
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct BatterySettings {
     /// Whether this crate writes [`BatteryLevel`]. Set it to false to write it yourself. Default:
-    /// true.
+    /// true on Linux, macOS and Windows, where it can read the battery.
     pub enabled: bool,
 }
 
 impl Default for BatterySettings {
     fn default() -> Self {
-        Self { enabled: true }
+        Self { enabled: cfg!(any(target_os = "linux", target_os = "macos", windows)) }
     }
 }
 

@@ -13,7 +13,7 @@ use bevy::image::Image;
 use bevy::post_process::auto_exposure::AutoExposure;
 use bevy::post_process::bloom::Bloom;
 use bevy::post_process::dof::DepthOfField;
-use bevy::post_process::effect_stack::ChromaticAberration;
+use bevy::post_process::effect_stack::{ChromaticAberration, LensDistortion, Vignette};
 use bevy::post_process::motion_blur::MotionBlur;
 use bevy::render::camera::TemporalJitter;
 use bevy::render::render_resource::{
@@ -37,7 +37,8 @@ pub(super) fn take(world: &mut World, camera: Entity, options: &StageOptions) ->
     }
     if options.output == Output::Radiance {
         camera.insert((Tonemapping::None, DebandDither::Disabled, Msaa::Off, Hdr));
-        camera.remove::<(Bloom, DepthOfField, MotionBlur, ChromaticAberration, AutoExposure)>();
+        camera.remove::<(Bloom, DepthOfField, MotionBlur, AutoExposure)>();
+        camera.remove::<(ChromaticAberration, LensDistortion, Vignette)>();
         camera.remove::<(Smaa, Fxaa, TemporalAntiAliasing, ContrastAdaptiveSharpening)>();
         camera.remove::<TemporalJitter>();
     }
@@ -86,4 +87,27 @@ fn target_image(options: &StageOptions) -> Image {
         ..image.texture_descriptor
     };
     image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn radiance_has_no_effects_of_a_lens() {
+        let mut world = World::new();
+        world.init_resource::<Assets<Image>>();
+        let lens = (Vignette::default(), LensDistortion::default(), Bloom::default());
+        let camera = world.spawn((Camera::default(), lens)).id();
+        let effects = |world: &World| {
+            let camera = world.entity(camera);
+            let lens = [camera.contains::<Vignette>(), camera.contains::<LensDistortion>()];
+            (lens, camera.contains::<Bloom>())
+        };
+        take(&mut world, camera, &StageOptions::default());
+        assert_eq!(effects(&world), ([true; 2], true), "a display has them");
+        let radiance = StageOptions { output: Output::Radiance, ..StageOptions::default() };
+        take(&mut world, camera, &radiance);
+        assert_eq!(effects(&world), ([false; 2], false));
+    }
 }

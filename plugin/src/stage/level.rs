@@ -18,7 +18,7 @@ use super::StageError;
 use crate::control::{FrontierSource, PowerController};
 use crate::error_meter::ErrorMeter;
 use crate::gi::FrugalGi;
-use crate::knobs::KnobSettings;
+use crate::knobs::{KnobSettings, WarmKnobs};
 use crate::pacing::FrameRateLimit;
 
 /// The level that the tool asks for, `frugal … --level NAME`. `None`: the app's first, or whatever it
@@ -121,7 +121,13 @@ fn missing(world: &mut World, unchanged: Duration) -> Result<Result<Entity, Stri
         }
     }
     let time = if is_empty { SETTLED_EMPTY } else { SETTLED };
-    Ok(if unchanged < time { Err("a second without new assets".to_owned()) } else { camera })
+    if unchanged < time {
+        let time = time.as_secs();
+        return Ok(Err(format!(
+            "{time} s without new assets; insert `StageReady` where the app always makes some"
+        )));
+    }
+    Ok(camera)
 }
 
 /// The camera to measure, if there is one yet.
@@ -182,9 +188,11 @@ pub(super) fn keep(world: &mut World) {
         With<PowerController>,
         With<FrontierSource>,
         With<ErrorMeter>,
+        With<WarmKnobs>,
     )>>();
     for camera in controlled.iter(world).collect::<Vec<_>>() {
-        world.entity_mut(camera).remove::<(PowerController, FrontierSource, ErrorMeter)>();
+        let mut camera = world.entity_mut(camera);
+        camera.remove::<(PowerController, FrontierSource, ErrorMeter, WarmKnobs)>();
     }
     for (entity, mut camera, target) in
         world.query::<(Entity, &mut Camera, &RenderTarget)>().iter_mut(world)
@@ -225,5 +233,36 @@ pub(super) fn keep_pace(held: Option<Res<Held>>, limit: Option<ResMut<FrameRateL
         && let Some(mut limit) = limit
     {
         limit.set_if_neq(FrameRateLimit::default());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::knobs::KnobSpace;
+
+    #[test]
+    fn a_level_that_never_settles_is_named_with_the_remedy() {
+        let mut world = World::new();
+        let camera = world.spawn((Camera3d::default(), Transform::default())).id();
+        let waits = missing(&mut world, SETTLED_EMPTY - SETTLED).expect("no fault");
+        let waits = waits.expect_err("assets came lately");
+        assert!(waits.starts_with("10 s") && waits.contains("`StageReady`"), "{waits}");
+        assert_eq!(missing(&mut world, SETTLED_EMPTY), Ok(Ok(camera)));
+    }
+
+    #[test]
+    fn nothing_of_the_app_sets_the_knobs() {
+        let mut world = World::new();
+        let warm = WarmKnobs::new(KnobSpace::default());
+        let camera = world.spawn((Camera3d::default(), Transform::default(), warm)).id();
+        let settings = KnobSettings { space: Default::default(), settings: Default::default() };
+        let place = Transform::from_xyz(1.0, 2.0, 3.0);
+        world.insert_resource(Held { camera, place, settings: Some(settings.clone()) });
+        keep(&mut world);
+        let camera = world.entity(camera);
+        assert_eq!(camera.get::<KnobSettings>(), Some(&settings));
+        assert_eq!(camera.get::<Transform>(), Some(&place));
+        assert!(!camera.contains::<WarmKnobs>(), "it shows another level in each frame");
     }
 }

@@ -41,7 +41,7 @@ use bevy::image::Image;
 use bevy::math::{Quat, Vec3};
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{PipelineCache, PollType};
-use bevy::render::renderer::RenderDevice;
+use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::Transform;
 use frugal_trace::metrics::{Picture, Radiance, Reference};
@@ -86,7 +86,8 @@ impl Stage {
     /// When there is no adapter, an option is out of range, or the renderer does not become ready.
     pub fn new(mut app: App, camera: Entity, options: StageOptions) -> Result<Self, StageError> {
         options.check()?;
-        let adapter = adapter().ok_or_else(|| StageError::usage(StageError::NO_ADAPTER))?;
+        let adapter =
+            adapter_of(app.world()).ok_or_else(|| StageError::usage(StageError::NO_ADAPTER))?;
         let meter = metering::open(&options, &adapter)?;
         let target = camera::take(app.world_mut(), camera, &options);
         step_time(app.world_mut(), options.frames_per_second);
@@ -235,6 +236,12 @@ fn step_time(world: &mut World, frames_per_second: f64) {
 /// adapter any more after three to thirty of them.
 static FOUND: OnceLock<(wgpu::Instance, Adapter)> = OnceLock::new();
 
+/// The adapter that renders an app, which may have chosen another than [`adapter`].
+fn adapter_of(world: &World) -> Option<Adapter> {
+    let info = world.get_resource::<RenderAdapterInfo>();
+    info.map(|info| Adapter::from(&*info.0)).or_else(adapter)
+}
+
 /// The adapter that the renderer will choose; `None` if there is none: Bevy then panics.
 pub fn adapter() -> Option<Adapter> {
     if let Some((_, adapter)) = FOUND.get() {
@@ -262,4 +269,31 @@ fn find() -> Option<(wgpu::Instance, Adapter)> {
 /// Whether the renderer runs on the CPU.
 pub fn software_adapter() -> bool {
     adapter().is_some_and(|adapter| adapter.kind == AdapterKind::Software)
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::render::renderer::WgpuWrapper;
+
+    use super::*;
+
+    #[test]
+    fn the_meter_is_that_of_the_adapter_that_renders() {
+        let mut world = World::new();
+        world.insert_resource(RenderAdapterInfo(WgpuWrapper::new(wgpu::AdapterInfo {
+            name: "the app's own".to_owned(),
+            vendor: 1,
+            device: 2,
+            device_type: wgpu::DeviceType::IntegratedGpu,
+            device_pci_bus_id: String::new(),
+            driver: String::new(),
+            driver_info: String::new(),
+            backend: wgpu::Backend::Vulkan,
+            subgroup_min_size: 4,
+            subgroup_max_size: 128,
+            transient_saves_memory: false,
+        })));
+        let adapter = adapter_of(&world).expect("an adapter");
+        assert_eq!((adapter.name.as_str(), adapter.is_integrated), ("the app's own", true));
+    }
 }

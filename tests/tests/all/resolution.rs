@@ -1,4 +1,6 @@
-//! Resolution scale where several cameras draw on one target, and in viewports.
+//! Resolution scale where several cameras draw on one target, in viewports, and in screenshots.
+
+use std::sync::{Arc, Mutex};
 
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Camera, Camera3d, ClearColorConfig, Hdr, RenderTarget, Viewport};
@@ -6,8 +8,9 @@ use bevy::color::Color;
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::ecs::entity::Entity;
 use bevy::math::{UVec2, Vec3};
-use bevy::prelude::{Mesh3d, MeshMaterial3d};
+use bevy::prelude::{Mesh3d, MeshMaterial3d, On};
 use bevy::render::view::Msaa;
+use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::resolution::ResolutionScale;
 use frugal::stage::Stage;
@@ -19,6 +22,7 @@ tests!(
     a_scaled_overlay_draws_over_the_image,
     an_overlay_over_a_scaled_camera_leaves_its_image,
     a_viewport_is_filled_and_nothing_else,
+    a_screenshot_shows_a_scaled_camera,
     every_scale_and_size_of_two_cameras_renders
 );
 
@@ -157,6 +161,30 @@ fn a_viewport_is_filled_and_nothing_else() {
     let (coarse, fine) = (sum(&scaled), sum(&finer));
     assert!((coarse / fine - 1.0).abs() < 0.05, "{coarse} at 50 %, {fine} at 90 %");
     assert!(differing(&finer, &scaled, 0).1.is_some_and(|(first, _)| first >= half));
+}
+
+fn a_screenshot_shows_a_scaled_camera() {
+    let mut stage = stage();
+    scale(&mut stage, "50%");
+    let shown = picture(&mut stage);
+    let camera = set::camera(&mut stage);
+    let world = stage.world_mut();
+    let target = world.get::<RenderTarget>(camera).expect("a target").clone();
+    let texels = Arc::new(Mutex::new(None));
+    let taken = Arc::clone(&texels);
+    world.spawn(Screenshot(target)).observe(move |shot: On<ScreenshotCaptured>| {
+        *taken.lock().expect("the texels") = shot.image.data.clone();
+    });
+    // It arrives some frames later.
+    let taken = (0..1000).find_map(|_| {
+        stage.frame();
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        texels.lock().expect("the texels").take()
+    });
+    let taken: Vec<u8> = taken.expect("a screenshot");
+    let taken: f64 = taken.chunks_exact(4).flat_map(|it| &it[..3]).map(|it| f64::from(*it)).sum();
+    let shown: f64 = shown.rgb.iter().flatten().map(|value| f64::from(*value)).sum();
+    assert!((taken / shown - 1.0).abs() < 0.05, "{taken} in the screenshot, {shown} on the target");
 }
 
 fn every_scale_and_size_of_two_cameras_renders() {

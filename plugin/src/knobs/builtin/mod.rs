@@ -108,7 +108,9 @@ fn frame_rate() -> FieldKnob {
             |limit: &mut FrameRateLimit| &mut limit.hertz,
             |level, authored| {
                 let hertz = (level.value < UNLIMITED).then_some(level.value);
-                authored.map_or(hertz, |own| Some(hertz.map_or(own, |hertz| hertz.min(own))))
+                // 0, negative and NaN are no limit, as none.
+                let own = authored.filter(|own| *own > 0.0);
+                own.map_or(hertz, |own| Some(hertz.map_or(own, |hertz| hertz.min(own))))
             },
         )
         .of_resource(),
@@ -148,5 +150,10 @@ mod tests {
         assert_eq!(limit(&world), Some(40.0));
         knob.release(&mut world, camera);
         assert_eq!(limit(&world), None);
+        for none in [0.0, -1.0, f64::NAN] {
+            world.insert_resource(FrameRateLimit { hertz: Some(none) });
+            knob.apply(&mut world, camera, &levels[0]);
+            assert_eq!(limit(&world), Some(30.0), "{none} is no limit");
+        }
     }
 }

@@ -17,7 +17,7 @@ mod tests;
 mod texture;
 mod vertices;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{Exposure, Projection};
@@ -108,25 +108,23 @@ pub fn extract(world: &mut World, camera: Option<Entity>) -> ExtractedScene {
 
 /// Gaps of an extraction: by what is missing, in which meshes, materials or lights.
 #[derive(Debug, Default)]
-struct Gaps(BTreeMap<&'static str, Vec<String>>);
+struct Gaps(BTreeMap<&'static str, BTreeSet<String>>);
 
 impl Gaps {
     /// Adds `name` to those with the gap `what`, a sentence without its end.
     fn add(&mut self, what: &'static str, name: impl Into<String>) {
-        let (names, name) = (self.0.entry(what).or_default(), name.into());
-        if !names.contains(&name) {
-            names.push(name);
-        }
+        self.0.entry(what).or_default().insert(name.into());
     }
 
     /// One line per kind of gap.
     fn lines(self) -> Vec<String> {
-        let line = |(what, names): (&str, Vec<String>)| {
+        let line = |(what, names): (&str, BTreeSet<String>)| {
             let more = match names.len().saturating_sub(NAMES_SHOWN) {
                 0 => String::new(),
                 more => format!(" and {more} more"),
             };
-            format!("{what}: {}{more}", names[..names.len().min(NAMES_SHOWN)].join(", "))
+            let shown: Vec<String> = names.into_iter().take(NAMES_SHOWN).collect();
+            format!("{what}: {}{more}", shown.join(", "))
         };
         self.0.into_iter().map(line).collect()
     }

@@ -38,6 +38,7 @@ impl Plugin for HudPlugin {
             .init_resource::<HudWipe>()
             .init_resource::<log::SwitchLog>()
             .add_observer(log::record)
+            .add_observer(wipe::remove_node)
             .register_type::<HudSettings>()
             .register_type::<HudWipe>()
             .register_type::<HudPart>()
@@ -49,7 +50,8 @@ impl Plugin for HudPlugin {
                     remove_panels.run_if(resource_changed::<HudSettings>),
                     (spawn_panels, panel::write).chain().run_if(is_visible),
                     wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
-                    (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
+                    wipe::spawn.run_if(wipe::is_wanted),
+                    retarget.run_if(any_with_component::<HudPart>),
                 )
                     .chain(),
             )
@@ -125,9 +127,9 @@ pub struct HudSettings {
     pub visible: bool,
     /// The key that shows and hides them; `None` for none. Default: F3.
     pub key: Option<KeyCode>,
-    /// The UI camera that draws them; its image must not be scaled. `None`: a camera of the HUD's
-    /// own over the primary window, after all others; while it is there, it also draws UI roots
-    /// without a camera. Default: `None`.
+    /// The UI camera that draws them; its image must not be scaled. `None`, or while it is not
+    /// there: a camera of the HUD's own over the primary window, after all others, which then also
+    /// draws UI roots without a camera. Default: `None`.
     pub camera: Option<Entity>,
 }
 
@@ -148,12 +150,14 @@ pub struct HudPart;
 struct UiCamera<'w, 's> {
     settings: Res<'w, HudSettings>,
     own: Query<'w, 's, Entity, (With<HudPart>, With<Camera2d>)>,
+    all: Query<'w, 's, (), With<Camera>>,
 }
 
 impl UiCamera<'_, '_> {
-    /// The app's, or the HUD's own, or a new one.
+    /// The app's, if it is there, or the HUD's own, or a new one.
     fn get(&self, commands: &mut Commands) -> Entity {
-        let known = self.settings.camera.or_else(|| self.own.iter().next());
+        let named = self.settings.camera.filter(|camera| self.all.contains(*camera));
+        let known = named.or_else(|| self.own.iter().next());
         known.unwrap_or_else(|| spawn_camera(commands))
     }
 }
@@ -172,6 +176,26 @@ fn spawn_camera(commands: &mut Commands) -> Entity {
     // On no layer, so that it shows none of the app's sprites.
     let layers = RenderLayers::none();
     commands.spawn((Name::new("HUD"), HudPart, Camera2d, camera, Msaa::Off, layers)).id()
+}
+
+/// Draws panels and wipes by the present camera: the HUD replaces its own where its settings
+/// change, and an app may despawn it. Removes one of its own that draws nothing any more.
+fn retarget(
+    mut commands: Commands,
+    ui_camera: UiCamera,
+    mut nodes: Query<&mut UiTargetCamera, With<HudPart>>,
+) {
+    let mut drawn_by = None;
+    for mut target in &mut nodes {
+        let wanted = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
+        if target.0 != wanted {
+            target.0 = wanted;
+        }
+    }
+    let is_idle = |camera: Entity| drawn_by.map_or(!ui_camera.settings.visible, |by| by != camera);
+    for camera in ui_camera.own.iter().filter(|camera| is_idle(*camera)) {
+        commands.entity(camera).despawn();
+    }
 }
 
 #[cfg(test)]

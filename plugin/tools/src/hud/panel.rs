@@ -9,7 +9,7 @@ use bevy_frugal_gi::control::{
     AppBudget, Budget, FrontierSource, PowerController, PowerCorrection, PowerFeedback, Selection,
     frontier_in_play,
 };
-use bevy_frugal_gi::error_meter::MeasuredError;
+use bevy_frugal_gi::error_meter::{ErrorProbe, MeasuredError};
 use bevy_frugal_gi::frontier::{
     CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit, camera_view,
 };
@@ -23,9 +23,13 @@ use super::plot::{self, Plot};
 use super::text::{Facts, caption};
 use super::wipe::WipeCamera;
 
-/// A camera that has a panel.
-pub(super) type HasPanel =
-    (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
+/// A camera that has a panel. Not the hidden ones of the wipe and of error meters.
+pub(super) type HasPanel = (
+    With<Camera>,
+    Or<(With<Selection>, With<KnobSettings>)>,
+    Without<WipeCamera>,
+    Without<ErrorProbe>,
+);
 
 /// Space inside a panel's border, logical pixels.
 const PADDING: f32 = 6.0;
@@ -167,11 +171,7 @@ pub(super) struct Sources<'w> {
     feedback: Option<Res<'w, PowerFeedback>>,
     maps: Option<Res<'w, Assets<FrontierMap>>>,
     log: Res<'w, SwitchLog>,
-}
-
-/// Where a camera's viewport begins, in logical pixels of its target.
-fn corner_of(camera: &Camera) -> Vec2 {
-    camera.logical_viewport_rect().map_or(Vec2::ZERO, |viewport| viewport.min)
+    scale: Option<Res<'w, UiScale>>,
 }
 
 /// Writes every panel, where its content differs.
@@ -183,6 +183,11 @@ pub(super) fn write(
     mut texts: Query<&mut Text>,
     mut images: Option<ResMut<Assets<Image>>>,
 ) {
+    let scale = sources.scale.as_ref().map_or(1.0, |scale| scale.0);
+    // Where a camera's viewport begins, in the interface's pixels.
+    let corner_of = |camera: &Camera| {
+        camera.logical_viewport_rect().map_or(Vec2::ZERO, |viewport| viewport.min / scale)
+    };
     let feedback = sources.feedback.as_deref();
     let correction = feedback.map(PowerFeedback::per_camera).unwrap_or_default();
     let all: Vec<_> =
@@ -196,7 +201,7 @@ pub(super) fn write(
         let sharing = all.iter().filter(|other| corner_of(other.camera) == corner).count();
         corners.push(corner);
         let room = shown.camera.logical_viewport_size();
-        let room = room.map(|size| Vec2::new(size.x, size.y / sharing.max(1) as f32));
+        let room = room.map(|size| Vec2::new(size.x, size.y / sharing.max(1) as f32) / scale);
         let top = corner.y + room.map_or(0.0, |room| room.y * above as f32);
         let id = shown.entity.to_string();
         let facts = Facts {

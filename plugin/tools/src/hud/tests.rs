@@ -4,13 +4,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bevy::asset::AssetEvent;
-use bevy::camera::{Exposure, Viewport};
+use bevy::camera::{Exposure, RenderTargetInfo, Viewport};
 use bevy::ecs::message::Messages;
 use bevy::light::VolumetricFog;
 use bevy::light::{DirectionalLightShadowMap, PointLightShadowMap};
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
 use bevy::time::TimeUpdateStrategy;
 use bevy_frugal_gi::control::{Budget, ControlPlugin, PowerController, Selection};
+use bevy_frugal_gi::error_meter::ErrorProbe;
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
 use bevy_frugal_gi::units::Watts;
@@ -136,14 +137,34 @@ fn every_camera_with_settings_has_a_panel() {
 }
 
 #[test]
+fn the_hidden_camera_of_an_error_meter_has_no_panel() {
+    let (mut app, camera) = scene();
+    run(&mut app, 2);
+    let best = app.world().get::<KnobSettings>(camera).expect("settings").clone();
+    app.world_mut().spawn((Camera::default(), ErrorProbe { camera }, best));
+    run(&mut app, 1);
+    assert_eq!(parts(&mut app), 2, "a camera and a panel");
+}
+
+#[test]
 fn an_app_can_draw_it_by_a_camera_of_its_own() {
     let (mut app, _) = scene();
     let camera = app.world_mut().spawn(Camera2d).id();
     app.world_mut().resource_mut::<HudSettings>().camera = Some(camera);
     run(&mut app, 2);
     assert_eq!(parts(&mut app), 1);
-    let mut roots = app.world_mut().query::<(&HudPart, &UiTargetCamera)>();
-    assert!(roots.iter(app.world()).all(|(_, target)| target.0 == camera));
+    let mut roots = app.world_mut().query::<&UiTargetCamera>();
+    assert_eq!(roots.single(app.world()).expect("a panel").0, camera);
+    // As with a level: the HUD helps itself until the app names another.
+    app.world_mut().entity_mut(camera).despawn();
+    run(&mut app, 2);
+    assert_eq!(parts(&mut app), 2, "a camera and a panel");
+    assert_ne!(roots.single(app.world()).expect("a panel").0, camera);
+    let next = app.world_mut().spawn(Camera2d).id();
+    app.world_mut().resource_mut::<HudSettings>().camera = Some(next);
+    run(&mut app, 2);
+    assert_eq!(parts(&mut app), 1);
+    assert_eq!(roots.single(app.world()).expect("a panel").0, next);
 }
 
 /// A component of the app's own.
@@ -194,6 +215,70 @@ fn a_wipe_shows_the_same_view_at_the_best_settings() {
     assert!(seconds(&mut app).is_empty());
     let mut nodes = app.world_mut().query_filtered::<(), With<WipeNode>>();
     assert_eq!(nodes.iter(app.world()).count(), 0);
+}
+
+/// Lets a camera show the right half of a window of 1280 × 720.
+fn show(app: &mut App, camera: Entity) {
+    let mut camera = app.world_mut().get_mut::<Camera>(camera).expect("a camera");
+    camera.computed.target_info =
+        Some(RenderTargetInfo { physical_size: UVec2::new(1280, 720), scale_factor: 1.0 });
+    let (physical_position, physical_size) = (UVec2::new(640, 0), UVec2::new(640, 720));
+    camera.viewport = Some(Viewport { physical_position, physical_size, ..default() });
+}
+
+#[test]
+fn parts_lie_over_their_viewport_whatever_the_scale_of_the_interface() {
+    let (mut app, camera) = scene();
+    app.insert_resource(UiScale(2.0));
+    show(&mut app, camera);
+    run(&mut app, 2);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 3);
+    let mut panels = app.world_mut().query_filtered::<&Node, With<Panel>>();
+    let panel = panels.single(app.world()).expect("a panel");
+    assert_eq!((panel.left, panel.max_width, panel.max_height), (px(320), px(320), px(360)));
+    let mut wipes = app.world_mut().query_filtered::<&Node, With<WipeNode>>();
+    let wipe = wipes.single(app.world()).expect("a wipe");
+    assert_eq!((wipe.left, wipe.width, wipe.height), (px(480), px(160), px(360)));
+}
+
+#[test]
+fn a_wipe_leaves_nothing_where_the_app_despawns_its_camera() {
+    let (mut app, camera) = scene();
+    show(&mut app, camera);
+    run(&mut app, 2);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 2);
+    let [second] = seconds(&mut app)[..] else { panic!("one wipe") };
+    // As all cameras of a level.
+    app.world_mut().entity_mut(second).despawn();
+    run(&mut app, 2);
+    let mut nodes = app.world_mut().query_filtered::<(), With<WipeNode>>();
+    assert_eq!((seconds(&mut app).len(), nodes.iter(app.world()).count()), (1, 1));
+    app.world_mut().resource_mut::<HudWipe>().at = None;
+    run(&mut app, 2);
+    assert_eq!((seconds(&mut app).len(), nodes.iter(app.world()).count()), (0, 0));
+}
+
+#[test]
+fn its_own_camera_is_there_while_it_draws() {
+    let (mut app, camera) = scene();
+    show(&mut app, camera);
+    app.world_mut().resource_mut::<HudSettings>().visible = false;
+    run(&mut app, 2);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 2);
+    let mut own = app.world_mut().query_filtered::<Entity, (With<HudPart>, With<Camera2d>)>();
+    let first = own.single(app.world()).expect("a camera");
+    // As all cameras of a menu.
+    app.world_mut().entity_mut(first).despawn();
+    run(&mut app, 1);
+    let second = own.single(app.world()).expect("a camera");
+    let mut targets = app.world_mut().query::<&UiTargetCamera>();
+    assert_eq!(targets.single(app.world()).expect("a node").0, second);
+    app.world_mut().resource_mut::<HudWipe>().at = None;
+    run(&mut app, 1);
+    assert_eq!(parts(&mut app), 0);
 }
 
 #[test]

@@ -74,12 +74,13 @@ impl Facts<'_> {
 
     fn limits(&self) -> String {
         let budget = self.budget.copied().unwrap_or_default();
-        let app = self.app_budget.map(|limit| format!("{} of the app", watts(limit)));
         // Infinity is no limit.
         let finite = |limit: Option<f64>| limit.filter(|limit| *limit != f64::INFINITY);
+        let power = |limit: Option<Watts>| finite(limit.map(|it| it.0)).map(|it| watts(Watts(it)));
         let energy = finite(budget.energy_per_frame.map(|limit| limit.0));
         let limits: Vec<String> = [
-            finite(budget.power.map(|limit| limit.0)).map(|limit| watts(Watts(limit))),
+            power(budget.power),
+            power(budget.peak).map(|limit| format!("peak {limit}")),
             finite(budget.error).map(|limit| format!("error {}", number(limit, 4))),
             energy.map(|limit| format!("{} mJ a frame", number(1e3 * limit, 1))),
             budget.frame_time.map(|limit| format!("{} ms", number(1e3 * limit.as_secs_f64(), 1))),
@@ -90,7 +91,7 @@ impl Facts<'_> {
                 .headroom
                 .filter(|keep| *keep > 0.0)
                 .map(|keep| format!("headroom {} %", number(100.0 * keep, 0))),
-            app,
+            power(self.app_budget).map(|limit| format!("{limit} of the app")),
         ]
         .into_iter()
         .flatten()

@@ -177,13 +177,16 @@ fn an_infinite_limit_is_none() {
         Facts { budget: Some(&budget), app_budget, ..Default::default() }.limits()
     };
     assert_eq!(limits(Budget::default(), None), "none");
-    assert_eq!(limits(Budget::both(Watts(f64::INFINITY), f64::INFINITY), None), "none");
+    let infinite = Watts(f64::INFINITY);
+    let budget = Budget::both(infinite, f64::INFINITY).with_peak(infinite);
+    assert_eq!(limits(budget, Some(infinite)), "none");
     assert_eq!(limits(Budget::error(0.02), Some(Watts(9.0))), "error 0.0200, 9.00 W of the app");
 }
 
 #[test]
 fn every_currency_is_named_and_the_limit_that_binds() {
     let budget = Budget::error(0.02)
+        .with_peak(Watts(9.0))
         .with_energy_per_frame(Joules(0.25))
         .with_frame_time(Duration::from_millis(16))
         .with_battery_until(Duration::from_secs(7200))
@@ -193,7 +196,7 @@ fn every_currency_is_named_and_the_limit_that_binds() {
     let text = facts.summary();
     assert!(
         text.starts_with(
-            "budget    error 0.0200, 250.0 mJ a frame, 16.0 ms, battery until 120.0 min, headroom 30 %\n"
+            "budget    peak 9.00 W, error 0.0200, 250.0 mJ a frame, 16.0 ms, battery until 120.0 min, headroom 30 %\n"
         ),
         "{text}"
     );

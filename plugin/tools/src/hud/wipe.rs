@@ -25,7 +25,8 @@ const BORDER: Color = Color::srgb(1.0, 0.9, 0.2);
 /// both.
 ///
 /// Knobs that Bevy keeps for the whole app (shadow maps) are at their best on both sides while it is
-/// there.
+/// there. The camera's components are copied when it begins: toggle it where the app changes
+/// exposure, fog or the like.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct HudWipe {
@@ -83,8 +84,6 @@ pub(super) fn spawn(
     for (entity, second) in &seconds {
         if !is_shown(second.of) {
             commands.entity(entity).despawn();
-            commands.entity(second.node).despawn();
-            images.remove(&second.image);
         }
     }
     let mut drawn_by = None;
@@ -108,6 +107,17 @@ pub(super) fn spawn(
             WipeCamera { of: camera, image: image.clone(), node },
             RenderTarget::Image(ImageRenderTarget::from(image)),
         ));
+    }
+}
+
+/// Removes the node of a second camera, also where the app despawns all cameras.
+pub(super) fn remove_node(
+    gone: On<Remove, WipeCamera>,
+    seconds: Query<&WipeCamera>,
+    mut commands: Commands,
+) {
+    if let Ok(second) = seconds.get(gone.entity) {
+        commands.entity(second.node).try_despawn();
     }
 }
 
@@ -135,6 +145,7 @@ type Original =
 pub(super) fn follow(
     mut commands: Commands,
     wipe: Res<HudWipe>,
+    scale: Option<Res<UiScale>>,
     mut images: ResMut<Assets<Image>>,
     originals: Query<Original, Without<WipeCamera>>,
     mut seconds: Query<(
@@ -148,6 +159,9 @@ pub(super) fn follow(
     )>,
     mut nodes: Query<(&mut Node, &mut ImageNode), With<WipeNode>>,
 ) {
+    // The interface's pixels.
+    let scale = scale.map_or(1.0, |scale| scale.0);
+    let px = |logical: f32| px(logical / scale);
     for (entity, wiped, mut camera, mut local, mut global, projection, knobs) in &mut seconds {
         let Ok((original, at, lens, current)) = originals.get(wiped.of) else { continue };
         // Before the first camera: its image is then of the same frame.
@@ -188,24 +202,9 @@ pub(super) fn follow(
             top: px(place.min.y),
             width: px(place.width() - logical),
             height: px(place.height()),
-            border: UiRect::left(px(2)),
+            border: UiRect::left(px(2.0)),
             ..default()
         };
         node.set_if_neq(new);
-    }
-}
-
-/// Draws the wipe by the HUD's present camera: the HUD replaces its own where its settings change.
-pub(super) fn retarget(
-    mut commands: Commands,
-    ui_camera: UiCamera,
-    mut nodes: Query<&mut UiTargetCamera, With<WipeNode>>,
-) {
-    let mut drawn_by = None;
-    for mut target in &mut nodes {
-        let wanted = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
-        if target.0 != wanted {
-            target.0 = wanted;
-        }
     }
 }
