@@ -24,7 +24,7 @@ use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{
     BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map,
-    run, travel,
+    run, scene_plugins, travel,
 };
 
 /// What the battery must last for at first, in seconds.
@@ -44,7 +44,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let tour = Tour::of(&scene)?;
     let mut app = App::new();
     app.add_plugins((
-        DefaultPlugins,
+        scene_plugins(),
         // The simulated device takes the place of this machine.
         FrugalGiPlugins.set(PowerPlugin { meter: MeterChoice::Off, ..default() }),
         HudPlugin,

@@ -11,7 +11,7 @@ use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
 use frugal::scene;
-use frugal_examples::{ExamplePlugin, Tour, run, travel};
+use frugal_examples::{ExamplePlugin, Tour, run, scene_plugins, travel};
 
 fn main() -> AppExit {
     run("target/cameras.txt", build)
@@ -24,7 +24,8 @@ fn build(scene: &Path, file: &Path) -> Result<App, String> {
 
     let mut app = App::new();
     let example = ExamplePlugin { title: "record_cameras" };
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, CameraRecorderPlugin::new(&file), example));
+    let recorder = CameraRecorderPlugin::new(&file);
+    app.add_plugins((scene_plugins(), FrugalGiPlugins, recorder, example));
     let camera =
         (Camera3d::default(), Msaa::Off, FrugalGi::default(), RecordCamera, tour.transform());
     let camera = app.world_mut().spawn(camera).id();

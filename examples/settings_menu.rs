@@ -25,7 +25,7 @@ use bevy_frugal_gi::knobs::KnobRegistry;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
-use frugal_examples::{ExamplePlugin, Tour, add_ui_camera, caption, run, travel};
+use frugal_examples::{ExamplePlugin, Tour, add_ui_camera, caption, run, scene_plugins, travel};
 use serde::Deserialize;
 
 /// What this app needs of the file; serde skips the rest.
@@ -58,7 +58,7 @@ fn build(scene: &Path, presets: &Path) -> Result<App, String> {
         ron::from_str(&text).map_err(|error| format!("{file}: {error}"))?;
 
     let mut app = App::new();
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
+    app.add_plugins((scene_plugins(), FrugalGiPlugins, HudPlugin));
     app.add_plugins(ExamplePlugin { title: "settings_menu" });
     add_ui_camera(&mut app);
     let space =
