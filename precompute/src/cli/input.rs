@@ -37,13 +37,6 @@ pub(super) fn read_map(path: &Path) -> Result<(FrontierMap, String), CliError> {
     Ok((map, text))
 }
 
-/// Reads a map and checks that it belongs to the scene.
-pub(super) fn read_map_of(scene: &StagedScene, path: &Path) -> Result<FrontierMap, CliError> {
-    let (map, _) = read_map(path)?;
-    map.matches_scene(&scene.identity()?).map_err(|error| CliError::in_file(path, error))?;
-    Ok(map)
-}
-
 /// The scene's path called `name`.
 pub(super) fn path_called<'s>(
     scene: &'s StagedScene,
