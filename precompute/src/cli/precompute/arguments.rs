@@ -115,7 +115,7 @@ impl Arguments {
     pub(super) fn tracks(&self, scene: &StagedScene) -> Result<Vec<Vec<TrackSample>>, CliError> {
         let mut paths = Vec::new();
         for name in &self.paths {
-            paths.push(path_called(scene, name)?);
+            paths.push(path_called(scene, name, "--cameras")?);
         }
         if self.paths.is_empty() {
             paths.extend(scene.paths.values());

@@ -15,6 +15,7 @@ tests!(
     models_that_cannot_be_read_are_named,
     maps_that_cannot_be_used_are_named,
     invalid_budgets_are_named,
+    a_scene_without_paths_asks_for_a_recording,
     invalid_arguments_are_named,
     options_that_would_be_ignored_are_refused,
     misspelt_names_get_the_nearest_one,
@@ -110,6 +111,17 @@ fn invalid_budgets_are_named() {
         &["--power-budget", "60%", "--path", "walk"],
         &["walk", "tour"],
     );
+}
+
+fn a_scene_without_paths_asks_for_a_recording() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    let start = SCENE.split("paths:").next().unwrap_or_default();
+    write(folder.path(), "a.scene.ron", &format!("{start})"));
+    let words = ["no path `tour`", "give a recording to --path"];
+    refused_evaluation(folder.path(), &["--power-budget", "60%"], &words);
+    let precompute = ["precompute", "a.scene.ron", "--path", "tour"];
+    assert_refused(&run(folder.path(), &precompute), &["give a recording to --cameras"]);
 }
 
 fn invalid_arguments_are_named() {
