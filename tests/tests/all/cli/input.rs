@@ -71,6 +71,8 @@ fn models_that_cannot_be_read_are_named() {
     }
     fs::write(folder.path().join("a.glb"), &whole).expect("can be written");
     assert!(scene::load(folder.path().join("a.scene.ron")).is_ok(), "the complete file is valid");
+    let model = run(folder.path(), &[&["render", "a.glb"][..], &AT].concat());
+    assert_refused(&model, &["a.glb", "give a scene file, *.scene.ron"]);
 }
 
 fn maps_that_cannot_be_used_are_named() {
