@@ -32,7 +32,8 @@ fn build(scene: &Path, file: &Path) -> Result<App, String> {
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     let write_text = move |recorder: Res<CameraRecorder>, mut text: Single<&mut Text>| {
         let state = if recorder.is_recording() { "in" } else { "(recording has ended) in" };
-        let line = format!("{} samples {state}\n{}", recorder.samples(), file.display());
+        let (samples, file) = (recorder.samples(), file.display());
+        let line = format!("{samples} samples {state}\n{file}\nSpace: pause   C: cut");
         if text.0 != line {
             text.0 = line;
         }

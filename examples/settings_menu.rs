@@ -127,5 +127,7 @@ fn write(menu: Res<Menu>, mut text: Single<&mut Text, With<MenuText>>) {
         let Preset { name, power_w, error, .. } = preset;
         format!("{mark} {}  {name:<8} {power_w:6.2} W  error {error:.4}", number + 1)
     };
-    text.0 = menu.presets.iter().enumerate().map(line).collect::<Vec<_>>().join("\n");
+    let lines = menu.presets.iter().enumerate().map(line);
+    let keys = "1 to 5: preset   Space: pause   C: cut   F3: panel".to_owned();
+    text.0 = lines.chain([keys]).collect::<Vec<_>>().join("\n");
 }
