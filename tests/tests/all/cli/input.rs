@@ -166,6 +166,7 @@ fn invalid_arguments_are_named() {
         ),
         (&["inspect", "a.scene.ron", "--json", "out.json"], &["--compare"]),
         (&["reprice", "missing.pareto.ron", "--fps", "60"], &["missing.pareto.ron"]),
+        (&["plot-log", "missing.csv"], &["missing.csv", "ControlLogPlugin"]),
         (&["merge", "missing.journal"], &["missing.journal"]),
         (&["merge", "a.scene.ron"], &["a.scene.ron", "not a journal"]),
         (&["calibrate", "a.scene.ron", "--time-limit", "0s"], &["--time-limit"]),

@@ -41,6 +41,7 @@ fn unwritable_outputs_are_named_before_the_work() {
         &["precompute", "a.scene.ron", "--report", "file"][..],
         &["precompute", "a.scene.ron", "--report", "file/report"],
         &["inspect", "a.pareto.ron", "--report", "file"],
+        &["plot-log", "a.csv", "-o", "file"],
     ] {
         assert_refused(&run(folder.path(), arguments), &["file"]);
     }
