@@ -73,7 +73,7 @@ test: setup
 
 # At the workspace's root this, too, selects the whole workspace.
 run: setup
-	scripts/run cargo run --example $(EXAMPLE)
+	scripts/run cargo run --example $(EXAMPLE) -- $(ARGS)
 
 # In the profile of everything else, Bevy is not compiled once more.
 bench: setup

@@ -3,7 +3,7 @@
 //! Look at the last line: the time until the battery is empty, at its present power, comes to agree
 //! with the time for which it must last, and stays there whatever happens. The device is hungrier
 //! than the map says, which the controller learns from the battery. Up and Down move the end by 15
-//! seconds, L switches another load on and off, C plugs the charger in and out, H makes the device
+//! seconds, L switches another load on and off, P plugs the charger in and out, H makes the device
 //! 40 % hungrier, Space pauses the tour.
 //!
 //! The default map is that of `make demo`, or another machine's before it was run. Nothing here is measured:
@@ -24,7 +24,7 @@ use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{
     BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map,
-    run, travel,
+    run, scene_plugins, travel,
 };
 
 /// What the battery must last for at first, in seconds.
@@ -44,7 +44,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let tour = Tour::of(&scene)?;
     let mut app = App::new();
     app.add_plugins((
-        DefaultPlugins,
+        scene_plugins(),
         // The simulated device takes the place of this machine.
         FrugalGiPlugins.set(PowerPlugin { meter: MeterChoice::Off, ..default() }),
         HudPlugin,
@@ -120,7 +120,7 @@ fn press(keys: Res<ButtonInput<KeyCode>>, mut handheld: ResMut<Handheld>) {
             KeyCode::ArrowUp => handheld.end = handheld.end.map(|end| end + step),
             KeyCode::ArrowDown => handheld.end = handheld.end.map(|end| end.saturating_sub(step)),
             KeyCode::KeyL => handheld.has_other_load = !handheld.has_other_load,
-            KeyCode::KeyC => handheld.is_charging = !handheld.is_charging,
+            KeyCode::KeyP => handheld.is_charging = !handheld.is_charging,
             KeyCode::KeyH => handheld.hunger *= 1.4,
             _ => {}
         }
@@ -132,7 +132,7 @@ fn press(keys: Res<ButtonInput<KeyCode>>, mut handheld: ResMut<Handheld>) {
 struct Status;
 
 fn tell(time: Res<Time<Real>>, handheld: Res<Handheld>, mut text: Single<&mut Text, With<Status>>) {
-    let keys = "Up, Down: end   L: load   C: charger   H: hungrier   Space: pause   F3: panel";
+    let keys = "Up, Down: end   L: load   P: charger   H: hungrier   Space: pause   F3: panel";
     let Some(end) = handheld.end else {
         text.set_if_neq(Text::new(keys));
         return;

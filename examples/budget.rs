@@ -22,7 +22,7 @@ use bevy_frugal_gi_tools::{ControlLogPlugin, HudPlugin, HudWipe};
 use frugal::scene;
 use frugal_examples::{
     BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map,
-    run, travel,
+    run, scene_plugins, travel,
 };
 
 fn main() -> AppExit {
@@ -35,7 +35,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
 
     let mut app = App::new();
     let log = ControlLogPlugin::new("target/budget.csv");
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin, log));
+    app.add_plugins((scene_plugins(), FrugalGiPlugins, HudPlugin, log));
     app.add_plugins(ExamplePlugin { title: "budget" });
     add_ui_camera(&mut app);
     let camera = app

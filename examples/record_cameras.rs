@@ -11,7 +11,7 @@ use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
 use frugal::scene;
-use frugal_examples::{ExamplePlugin, Tour, run, travel};
+use frugal_examples::{ExamplePlugin, Tour, run, scene_plugins, travel};
 
 fn main() -> AppExit {
     run("target/cameras.txt", build)
@@ -24,14 +24,16 @@ fn build(scene: &Path, file: &Path) -> Result<App, String> {
 
     let mut app = App::new();
     let example = ExamplePlugin { title: "record_cameras" };
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, CameraRecorderPlugin::new(&file), example));
+    let recorder = CameraRecorderPlugin::new(&file);
+    app.add_plugins((scene_plugins(), FrugalGiPlugins, recorder, example));
     let camera =
         (Camera3d::default(), Msaa::Off, FrugalGi::default(), RecordCamera, tour.transform());
     let camera = app.world_mut().spawn(camera).id();
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     let write_text = move |recorder: Res<CameraRecorder>, mut text: Single<&mut Text>| {
         let state = if recorder.is_recording() { "in" } else { "(recording has ended) in" };
-        let line = format!("{} samples {state}\n{}", recorder.samples(), file.display());
+        let (samples, file) = (recorder.samples(), file.display());
+        let line = format!("{samples} samples {state}\n{file}\nSpace: pause   C: cut");
         if text.0 != line {
             text.0 = line;
         }

@@ -25,7 +25,7 @@ use bevy_frugal_gi::knobs::KnobRegistry;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
-use frugal_examples::{ExamplePlugin, Tour, add_ui_camera, caption, run, travel};
+use frugal_examples::{ExamplePlugin, Tour, add_ui_camera, caption, run, scene_plugins, travel};
 use serde::Deserialize;
 
 /// What this app needs of the file; serde skips the rest.
@@ -58,7 +58,7 @@ fn build(scene: &Path, presets: &Path) -> Result<App, String> {
         ron::from_str(&text).map_err(|error| format!("{file}: {error}"))?;
 
     let mut app = App::new();
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
+    app.add_plugins((scene_plugins(), FrugalGiPlugins, HudPlugin));
     app.add_plugins(ExamplePlugin { title: "settings_menu" });
     add_ui_camera(&mut app);
     let space =
@@ -127,5 +127,7 @@ fn write(menu: Res<Menu>, mut text: Single<&mut Text, With<MenuText>>) {
         let Preset { name, power_w, error, .. } = preset;
         format!("{mark} {}  {name:<8} {power_w:6.2} W  error {error:.4}", number + 1)
     };
-    text.0 = menu.presets.iter().enumerate().map(line).collect::<Vec<_>>().join("\n");
+    let lines = menu.presets.iter().enumerate().map(line);
+    let keys = "1 to 5: preset   Space: pause   C: cut   F3: panel".to_owned();
+    text.0 = lines.chain([keys]).collect::<Vec<_>>().join("\n");
 }

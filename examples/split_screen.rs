@@ -22,7 +22,8 @@ use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{
-    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map, run,
+    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, courtyard_map, read_map,
+    run, scene_plugins,
 };
 
 fn main() -> AppExit {
@@ -33,7 +34,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let scene = scene::load(scene).map_err(|error| error.to_string())?;
     let map = read_map(map, &scene)?;
     let mut app = App::new();
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
+    app.add_plugins((scene_plugins(), FrugalGiPlugins, HudPlugin));
     app.add_plugins(ExamplePlugin { title: "split_screen" });
     add_ui_camera(&mut app);
 

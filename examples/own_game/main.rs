@@ -5,6 +5,7 @@
 //! change a power budget, once there is a map:
 //!
 //! ```sh
+//! mkdir -p target
 //! frugal precompute --app "cargo run --example own_game" \
 //!     --size 160x90 --fps 15 --time-limit 10m -o target/own_game.pareto.ron
 //! ```

@@ -13,6 +13,8 @@ mod tour;
 
 use std::path::{Path, PathBuf};
 
+use bevy::app::PluginGroupBuilder;
+use bevy::asset::UnapprovedPathMode;
 use bevy::prelude::*;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
 use bevy::window::PrimaryWindow;
@@ -43,6 +45,12 @@ pub fn workspace_file(path: &str) -> PathBuf {
 pub fn courtyard_map() -> &'static str {
     let own = "target/demo/courtyard.pareto.ron";
     if workspace_file(own).is_file() { own } else { "docs/data/records/courtyard.pareto.ron" }
+}
+
+/// Bevy's plugins, for a scene file whose geometry may be anywhere: its loader asks for that.
+pub fn scene_plugins() -> PluginGroupBuilder {
+    let unapproved_path_mode = UnapprovedPathMode::Deny;
+    DefaultPlugins.set(AssetPlugin { unapproved_path_mode, ..default() })
 }
 
 /// Runs an example whose arguments are a scene and a second file, by default the courtyard and
@@ -138,4 +146,46 @@ fn advance_ci_run(
             exit.write(if path.is_file() { AppExit::Success } else { AppExit::error() });
         },
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use bevy::log::LogPlugin;
+    use bevy::render::RenderPlugin;
+    use bevy::render::settings::WgpuSettings;
+    use bevy::window::ExitCondition;
+    use bevy::winit::WinitPlugin;
+    use frugal::scene::{Geometry, LoadedScene, SceneDescription};
+
+    use super::*;
+
+    #[test]
+    fn a_model_outside_the_app_s_assets_is_loaded() {
+        let mut description = SceneDescription::new(Geometry::Gltf("cornell.glb".to_owned()));
+        description.source = workspace_file("assets/scenes/own.scene.ron");
+        let scene = LoadedScene::new(description).expect("a scene");
+        // Without a window and a GPU.
+        let render_creation = WgpuSettings { backends: None, ..default() }.into();
+        let exit_condition = ExitCondition::DontExit;
+        let plugins = scene_plugins()
+            .set(RenderPlugin { render_creation, ..default() })
+            .set(WindowPlugin { primary_window: None, exit_condition, ..default() })
+            .disable::<LogPlugin>()
+            .disable::<WinitPlugin>();
+        let mut app = App::new();
+        app.add_plugins(plugins);
+        app.finish();
+        app.cleanup();
+        let camera = app.world_mut().spawn_empty().id();
+        frugal::stage::populate(app.world_mut(), &scene, camera).expect("no sky to read");
+        let mut meshes = app.world_mut().query::<&Mesh3d>();
+        let start = Instant::now();
+        while meshes.iter(app.world()).next().is_none() {
+            assert!(start.elapsed() < Duration::from_secs(60), "it is not loaded");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
 }

@@ -73,16 +73,18 @@ pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
     app.add_systems(Update, start_controller);
 }
 
-/// Puts `camera` under the map in `file`, with a power budget in the middle of its range. Without a map
-/// there is no budget to keep.
+/// Puts `camera` under the map in `file`, with a power budget in the middle of its range, and holds the
+/// map's frame rate. Without a map there is no budget to keep.
 pub fn control_if_mapped(camera: &mut EntityCommands, file: &Path, maps: &mut Assets<FrontierMap>) {
-    let text = std::fs::read_to_string(file).unwrap_or_default();
-    match FrontierMap::from_ron(&text) {
+    let text = std::fs::read_to_string(file).map_err(|error| error.to_string());
+    match text.and_then(|text| FrontierMap::from_ron(&text).map_err(|error| error.to_string())) {
         Ok(map) => {
+            let hertz = Some(map.capture.frames_per_second);
+            camera.commands().insert_resource(FrameRateLimit { hertz });
             let budget = Budget::power(BudgetRange::of(&map).power(0.5));
             camera.insert((PowerController(maps.add(map)), budget));
         }
-        Err(error) => info!("{}: {error}", file.display()),
+        Err(error) => info!("no map: {}: {error}", file.display()),
     }
 }
 
@@ -107,5 +109,27 @@ fn start_controller(
     for (camera, MapWhenWarm(map)) in &cameras {
         let map = PowerController(map.clone());
         commands.entity(camera).insert(map).remove::<MapWhenWarm>();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::ecs::system::RunSystemOnce;
+
+    use super::*;
+    use crate::workspace_file;
+
+    #[test]
+    fn a_map_brings_its_frame_rate() {
+        let file = workspace_file("docs/data/records/courtyard.pareto.ron");
+        let mut world = World::new();
+        world.init_resource::<Assets<FrontierMap>>();
+        let control = move |mut commands: Commands, mut maps: ResMut<Assets<FrontierMap>>| {
+            control_if_mapped(&mut commands.spawn_empty(), &file, &mut maps);
+        };
+        world.run_system_once(control).expect("a system");
+        let (_, map) = world.resource::<Assets<FrontierMap>>().iter().next().expect("a map");
+        let limit = world.get_resource::<FrameRateLimit>().expect("a limit");
+        assert_eq!(limit.hertz, Some(map.capture.frames_per_second));
     }
 }

@@ -37,6 +37,7 @@ pub struct Adapter {
 pub(crate) mod vendor {
     pub(crate) const AMD: u32 = 0x1002;
     pub(crate) const INTEL: u32 = 0x8086;
+    #[cfg(feature = "nvml")]
     pub(crate) const NVIDIA: u32 = 0x10de;
 }
 

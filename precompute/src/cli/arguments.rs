@@ -184,14 +184,19 @@ pub(super) struct PictureArguments {
 }
 
 impl PictureArguments {
-    /// The PNG to write; by default, named after the scene if no file is given. Fails if either
-    /// file cannot be written.
+    /// Fails if a file that is given cannot be written.
+    pub(super) fn check(&self) -> Result<(), CliError> {
+        check_outputs([self.output.as_ref(), self.hdr.as_ref()])
+    }
+
+    /// The PNG to write; by default, named after the scene if no file is given. Fails if it cannot
+    /// be written.
     pub(super) fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
         let png = match (&self.output, &self.hdr) {
             (None, None) => Some(PathBuf::from(format!("{}.png", file_name(scene_name)))),
             (png, _) => png.clone(),
         };
-        check_outputs([png.as_ref(), self.hdr.as_ref()])?;
+        check_outputs([png.as_ref()])?;
         Ok(png)
     }
 }

@@ -17,7 +17,7 @@ use super::arguments::{
     Choices, SceneArguments, WorkerArguments, check_outputs, check_report, json, one_of, write,
     write_report,
 };
-use super::input::{check_meter, open_scene, plan_path, read_map_of, stage_for_map};
+use super::input::{check_meter, open_scene, plan_path, read_map, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal};
 use super::progress::Progress;
 use crate::evaluate::{self, frames_csv, play_for_real, table};
@@ -154,12 +154,15 @@ impl Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let budgets = arguments.budgets()?;
     arguments.check(budgets.len())?;
-    let scene = open_scene(&arguments.scene)?;
-    let map = read_map_of(&scene, &arguments.map)?;
-    let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
+    // Before an app is built.
+    let (map, _) = read_map(&arguments.map)?;
     let kept = arguments.record_file();
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), kept.as_ref()])?;
     check_report(arguments.report.as_ref())?;
+    let scene = open_scene(&arguments.scene)?;
+    map.matches_scene(&scene.identity()?)
+        .map_err(|error| CliError::in_file(&arguments.map, error))?;
+    let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
     let workers = arguments.workers.count(request.meter.as_deref())?;
     let mut stage = RemoteStage::open(&scene, request, workers)?;

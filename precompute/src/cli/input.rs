@@ -37,22 +37,16 @@ pub(super) fn read_map(path: &Path) -> Result<(FrontierMap, String), CliError> {
     Ok((map, text))
 }
 
-/// Reads a map and checks that it belongs to the scene.
-pub(super) fn read_map_of(scene: &StagedScene, path: &Path) -> Result<FrontierMap, CliError> {
-    let (map, _) = read_map(path)?;
-    map.matches_scene(&scene.identity()?).map_err(|error| CliError::in_file(path, error))?;
-    Ok(map)
-}
-
-/// The scene's path called `name`.
+/// The scene's path called `name`. `recordings`: the option for those of an app, which has no paths.
 pub(super) fn path_called<'s>(
     scene: &'s StagedScene,
     name: &str,
+    recordings: &str,
 ) -> Result<&'s CameraPath, CliError> {
     scene.paths.get(name).ok_or_else(|| {
         let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
         let known = if known.is_empty() {
-            "it has none".to_owned()
+            format!("it has none; give a recording to {recordings}")
         } else {
             let guess = did_you_mean(name, known.iter().copied());
             format!("{guess}it has {}; name one of them with --path", known.join(", "))
@@ -66,7 +60,7 @@ pub(super) fn path_called<'s>(
 pub(super) fn plan_path(scene: &StagedScene, name: &str, fps: f64) -> Result<PathPlan, CliError> {
     let file = Path::new(name);
     if scene.paths.contains_key(name) || !file.is_file() {
-        return plan_along(name, path_called(scene, name)?, fps).map_err(CliError::usage);
+        return plan_along(name, path_called(scene, name, "--path")?, fps).map_err(CliError::usage);
     }
     let tracks = recorded_tracks(file, fps).map_err(CliError::usage)?;
     let track = tracks.into_iter().max_by_key(Vec::len).unwrap_or_default();

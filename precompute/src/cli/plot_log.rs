@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bevy_frugal_gi_tools::row_log::read_rows;
 
 use super::CliError;
-use super::arguments::write_report;
+use super::arguments::{check_report, write_report};
 use crate::control_log::cameras;
 use crate::report::{control_log_facts, control_log_heading, control_log_report};
 
@@ -21,8 +21,12 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = &arguments.log;
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| CliError::usage(format!("cannot read {}: {error}", path.display())))?;
+    let folder = arguments.output.clone().unwrap_or_else(|| path.with_extension("report"));
+    check_report(Some(&folder))?;
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        let remedy = "give a log that the plugin's ControlLogPlugin wrote";
+        CliError::in_file(path, format!("cannot be read: {error}; {remedy}"))
+    })?;
     let samples = read_rows(&text).map_err(|error| CliError::in_file(path, error))?;
     let logs = cameras(&samples);
     if logs.is_empty() {
@@ -38,6 +42,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         }
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let folder = arguments.output.clone().unwrap_or_else(|| path.with_extension("report"));
     write_report(&folder, &control_log_report(&name, &logs).map_err(CliError::failed)?)
 }

@@ -71,10 +71,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if is_direct && arguments.bounces.is_some_and(|bounces| bounces.0 != Some(0)) {
         return Err(CliError::usage("--bounces: direct light has none; give another --component"));
     }
+    // Before an app is built.
+    let pose = arguments.camera.pose()?;
+    arguments.picture.check()?;
     let description = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&description.name)?;
     let scene = description.reference().map_err(CliError::usage)?;
-    let view = description.view(arguments.camera.pose()?, arguments.size);
+    let view = description.view(pose, arguments.size);
     let settings = Settings {
         samples: arguments.spp,
         // Components that are not requested are not traced.

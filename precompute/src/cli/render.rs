@@ -25,9 +25,11 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    // Before an app is built.
+    let pose = arguments.camera.pose()?;
+    arguments.picture.check()?;
     let scene = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&scene.name)?;
-    let pose = arguments.camera.pose()?;
     let shoot = |output: Output| -> Result<Shot, CliError> {
         let component = arguments.component;
         let options = StageOptions { output, component, ..arguments.image.options() };

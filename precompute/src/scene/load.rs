@@ -17,7 +17,7 @@ use super::locate;
 #[non_exhaustive]
 pub enum SceneError {
     /// The description cannot be read.
-    #[error("cannot read {file}: {source}; check the path", file = file.display())]
+    #[error("cannot read {file}: {source}; give a scene file, *.scene.ron", file = file.display())]
     Unreadable {
         /// The description.
         file: PathBuf,

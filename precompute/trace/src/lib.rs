@@ -27,7 +27,7 @@
 //!
 //! All but the guide are features, off by default. `docs/reference.md` in the repository says what each
 //! is for and when not to use it, with measured figures. Examples make them: `guiding`, `caustics`, `fog`
-//! (`media`), `beams` (`media`, `time`), `transient` (`time`), `coded` and `dual` (`inverse`).
+//! (`media`), `beams` (`media`, `time`), `transient` (`caustics`, `time`), `coded`, `dual` (`inverse`).
 //!
 //! Means agree with Mitsuba 3.9.1 for an area light in a closed room, empty and in fog; light by
 //! time agrees with `mitransient` 1.3.1.

@@ -17,6 +17,7 @@ tests!(
     documents_are_short_and_wrapped,
     the_glossary_is_short,
     samples_in_documents_are_compiled,
+    the_shell_function_runs_the_tool_in_any_folder,
     the_prelude_is_short_and_has_what_the_readme_names
 );
 
@@ -246,6 +247,22 @@ fn samples_in_documents_are_compiled() {
         }
     }
     assert!(count >= 8, "samples are found at all: {count}");
+}
+
+fn the_shell_function_runs_the_tool_in_any_folder() {
+    let text = std::fs::read_to_string(workspace().join("docs/tool.md")).expect("a document");
+    let sample = text.split("```").nth(1).expect("a sample");
+    let lines = sample.lines().skip(1).filter(|line| !line.starts_with("make "));
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(folder.path().join("debug")).expect("a folder");
+    // A shell in place of the tool.
+    std::os::unix::fs::symlink("/bin/sh", folder.path().join("debug/frugal")).expect("a link");
+    let script = lines.chain(["cd /", "frugal -c pwd"]).collect::<Vec<_>>().join("\n");
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", &script]).current_dir(workspace()).env("CARGO_TARGET_DIR", folder.path());
+    let output = shell.output().expect("a shell");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "/\n", "{said}");
 }
 
 /// Identifiers in a text.

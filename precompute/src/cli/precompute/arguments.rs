@@ -102,20 +102,24 @@ impl Arguments {
         config
     }
 
-    /// Tracks of the scene's paths and of recordings.
+    /// Tracks of the recordings.
+    pub(super) fn recorded(&self) -> Result<Vec<Vec<TrackSample>>, CliError> {
+        let mut tracks = Vec::new();
+        for file in &self.recordings {
+            tracks.extend(recorded_tracks(file, self.capture.image.fps).map_err(CliError::usage)?);
+        }
+        Ok(tracks)
+    }
+
+    /// Tracks of the scene's paths.
     pub(super) fn tracks(&self, scene: &StagedScene) -> Result<Vec<Vec<TrackSample>>, CliError> {
-        let fps = self.capture.image.fps;
         let mut paths = Vec::new();
         for name in &self.paths {
-            paths.push(path_called(scene, name)?);
+            paths.push(path_called(scene, name, "--cameras")?);
         }
         if self.paths.is_empty() {
             paths.extend(scene.paths.values());
         }
-        let mut tracks = tracks_of(paths, fps);
-        for file in &self.recordings {
-            tracks.extend(recorded_tracks(file, fps).map_err(CliError::usage)?);
-        }
-        Ok(tracks)
+        Ok(tracks_of(paths, self.capture.image.fps))
     }
 }

@@ -25,15 +25,19 @@ pub(super) use arguments::Arguments;
 const MAX_CALIBRATION: usize = 24;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    // Before an app is built.
     check_report(arguments.report.as_ref())?;
+    check_outputs([arguments.output.as_ref()])?;
+    let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
+    let recorded = arguments.recorded()?;
     let scene = open_scene(&arguments.scene)?;
     let output = arguments.output.clone().unwrap_or_else(|| {
         let beside = arguments.scene.scene.clone().unwrap_or_default();
         beside.with_file_name(format!("{}.pareto.ron", file_name(&scene.name)))
     });
     check_outputs([Some(&output)])?;
-    let tracks = arguments.tracks(&scene)?;
-    let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
+    let mut tracks = arguments.tracks(&scene)?;
+    tracks.extend(recorded);
     let request = stage_for(&scene, &arguments.capture);
     let mut stage = RemoteStage::open(&scene, request, workers)?;
     let searched = search(&mut stage, &scene, &tracks, arguments, &output)?;

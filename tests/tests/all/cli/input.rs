@@ -15,6 +15,7 @@ tests!(
     models_that_cannot_be_read_are_named,
     maps_that_cannot_be_used_are_named,
     invalid_budgets_are_named,
+    a_scene_without_paths_asks_for_a_recording,
     invalid_arguments_are_named,
     options_that_would_be_ignored_are_refused,
     misspelt_names_get_the_nearest_one,
@@ -70,6 +71,8 @@ fn models_that_cannot_be_read_are_named() {
     }
     fs::write(folder.path().join("a.glb"), &whole).expect("can be written");
     assert!(scene::load(folder.path().join("a.scene.ron")).is_ok(), "the complete file is valid");
+    let model = run(folder.path(), &[&["render", "a.glb"][..], &AT].concat());
+    assert_refused(&model, &["a.glb", "give a scene file, *.scene.ron"]);
 }
 
 fn maps_that_cannot_be_used_are_named() {
@@ -112,6 +115,17 @@ fn invalid_budgets_are_named() {
     );
 }
 
+fn a_scene_without_paths_asks_for_a_recording() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    let start = SCENE.split("paths:").next().unwrap_or_default();
+    write(folder.path(), "a.scene.ron", &format!("{start})"));
+    let words = ["no path `tour`", "give a recording to --path"];
+    refused_evaluation(folder.path(), &["--power-budget", "60%"], &words);
+    let precompute = ["precompute", "a.scene.ron", "--path", "tour"];
+    assert_refused(&run(folder.path(), &precompute), &["give a recording to --cameras"]);
+}
+
 fn invalid_arguments_are_named() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
@@ -152,6 +166,7 @@ fn invalid_arguments_are_named() {
         ),
         (&["inspect", "a.scene.ron", "--json", "out.json"], &["--compare"]),
         (&["reprice", "missing.pareto.ron", "--fps", "60"], &["missing.pareto.ron"]),
+        (&["plot-log", "missing.csv"], &["missing.csv", "ControlLogPlugin"]),
         (&["merge", "missing.journal"], &["missing.journal"]),
         (&["merge", "a.scene.ron"], &["a.scene.ron", "not a journal"]),
         (&["calibrate", "a.scene.ron", "--time-limit", "0s"], &["--time-limit"]),

@@ -6,6 +6,7 @@ use super::{
 
 tests!(
     unwritable_outputs_are_named_before_the_work,
+    wrong_arguments_are_named_before_an_app_is_built,
     a_missing_adapter_is_reported,
     a_closed_pipe_is_no_panic,
 );
@@ -40,10 +41,32 @@ fn unwritable_outputs_are_named_before_the_work() {
         &["precompute", "a.scene.ron", "--report", "file"][..],
         &["precompute", "a.scene.ron", "--report", "file/report"],
         &["inspect", "a.pareto.ron", "--report", "file"],
+        &["plot-log", "a.csv", "-o", "file"],
     ] {
         assert_refused(&run(folder.path(), arguments), &["file"]);
     }
     assert_eq!(entries(folder.path()), before, "files appeared");
+}
+
+fn wrong_arguments_are_named_before_an_app_is_built() {
+    let folder = folder();
+    let app = ["--app", "touch built; false"];
+    let precompute = [&["precompute"][..], &app].concat();
+    let evaluate = [&["evaluate"][..], &app, &["--power-budget", "60%", "--map"]].concat();
+    let render = [&["render"][..], &app, &["--position", "1,2,3", "--look-at"]].concat();
+    let reference = [&["reference"][..], &render[1..]].concat();
+    for (arguments, more, words) in [
+        (&precompute, &["-o", "no/such/out"][..], &["`no/such/out`"][..]),
+        (&precompute, &["--cameras", "missing.cameras"], &["missing.cameras"]),
+        (&precompute, &["--workers", "2"], &["--meter work"]),
+        (&evaluate, &["missing.pareto.ron"], &["missing.pareto.ron"]),
+        (&render, &["1,2,3"], &["no direction"]),
+        (&render, &["0,0,0", "--hdr", "no/such/out"], &["`no/such/out`"]),
+        (&reference, &["1,2,3"], &["no direction"]),
+    ] {
+        assert_refused(&run(folder.path(), &[&arguments[..], more].concat()), words);
+    }
+    assert_eq!(entries(folder.path()), [""; 0], "the app was started");
 }
 
 fn a_missing_adapter_is_reported() {
