@@ -15,7 +15,6 @@ use super::choice::{PATCHES, Patch};
 use super::patches::GiPatches;
 use crate::cut::Jumps;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
-use crate::gi::emissive::GiEmitters;
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
@@ -157,7 +156,7 @@ pub(in crate::gi) fn prepare(
     mut commands: Commands,
     mut kernels: ResMut<BounceKernels>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
-    (mut store, patches, emitters): (ResMut<TexelStore>, Res<GiPatches>, Res<GiEmitters>),
+    (mut store, patches): (ResMut<TexelStore>, Res<GiPatches>),
     (frame, jumps): (Res<GiFrame>, Res<Jumps>),
     mut cameras: Query<
         (
@@ -218,9 +217,7 @@ pub(in crate::gi) fn prepare(
             let is_done = held.is_done.load(Ordering::Relaxed);
             // Other samples of the sky may have lit them: after a cut nothing may depend on those.
             let is_cut = jumps.cuts.contains(&main_entity.id());
-            // Emissive surfaces change without a map.
-            let is_relit = frame.relit || gi.emissive && emitters.is_changed();
-            held.is_due = is_relit || always || is_cut || !is_same || !is_done;
+            held.is_due = frame.relit || always || is_cut || !is_same || !is_done;
             held.is_done.store(!held.is_due, Ordering::Relaxed);
             (held.held, held.inputs) = (Arc::clone(patches), inputs);
             continue;
