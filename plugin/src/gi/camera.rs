@@ -32,6 +32,8 @@ pub(super) struct ViewInputs {
     /// Whether the occluders were collected. In the frame in which an app switches rays on, they
     /// may not be yet.
     has_occluders: bool,
+    /// They say which meshes it shows.
+    layers: RenderLayers,
 }
 
 /// Gives every GI camera that has light to gather its [`GiView`], and takes it from the others.
@@ -92,7 +94,8 @@ pub(super) fn prepare(
             relit: false,
             history: HistoryAction::Begins,
         };
-        let inputs = ViewInputs { sky, has_occluders: occluders.is_kept() };
+        let layers = layers.cloned().unwrap_or_default();
+        let inputs = ViewInputs { sky, has_occluders: occluders.is_kept(), layers };
         let Some((mut held, mut held_inputs)) = held else {
             commands.entity(entity).insert((next, inputs));
             continue;

@@ -52,7 +52,7 @@ pub const STRUCT_BYTES: [(&str, u64); 17] = [
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 23] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 24] = [
     ("texels/texels.wgsl", "TILE", TILE as u64),
     ("vpl/vpl.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
     ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
@@ -76,6 +76,7 @@ pub const SHADER_CONSTANTS: [(&str, &str, u64); 23] = [
     ("bounces/reflect.wgsl", "GROUP_PATCHES", bounces::PATCHES_PER_GROUP as u64),
     ("bounces/reflect.wgsl", "PATCHES", bounces::PATCHES as u64),
     ("bounces/reflect.wgsl", "BOUNCE_VPLS", bounces::BOUNCE_VPLS.per_set as u64),
+    ("bounces/reflect.wgsl", "SUM_LANES", bounces::SUM_LANES as u64),
 ];
 
 /// The buffers of the last frame. Handles, not copies: the GPU keeps writing them.

@@ -99,7 +99,8 @@ impl GiPlugin {
     /// The least limits of a device that supports global illumination; see [`GiSupport`].
     pub fn required_limits() -> WgpuLimits {
         WgpuLimits {
-            max_compute_invocations_per_workgroup: 64,
+            max_compute_invocations_per_workgroup: bounces::SUM_LANES,
+            max_compute_workgroup_size_x: bounces::SUM_LANES,
             max_storage_buffers_per_shader_stage: 8,
             max_storage_textures_per_shader_stage: 2,
             max_uniform_buffer_binding_size: u64::from(bounces::BOUNCE_VPLS.count())

@@ -12,11 +12,12 @@ use bevy::mesh::Mesh3d;
 use bevy::pbr::StandardMaterial;
 use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
 use frugal::stage::{Component, Radiance, Stage};
 use frugal_tests::{meshes, set};
 
 use super::gi::{PLAIN, assert_costs_nothing, corner, sun};
+use super::refresh::converges_in_one_frame;
 
 tests!(
     meshes_that_cast_no_shadow_are_in_no_map,
@@ -24,6 +25,7 @@ tests!(
     multisampling_is_switched_off_on_gi_cameras,
     a_light_reflects_meshes_of_its_layers,
     a_light_of_other_layers_than_the_camera_s_bounces_nothing,
+    a_resting_camera_lights_what_its_new_layers_show,
     meshes_that_no_gi_camera_shows_occlude_nothing,
     meshes_that_no_gi_camera_shows_emit_nothing,
     a_level_of_detail_that_is_not_shown_occludes_nothing,
@@ -114,6 +116,21 @@ fn a_light_of_other_layers_than_the_camera_s_bounces_nothing() {
     assert_eq!(set::radiance(&mut stage).mean(), 0.0, "the sun sees no mesh");
     stage.world_mut().entity_mut(sun).insert(RenderLayers::from_layers(&[0, 1]));
     assert_eq!(set::radiance(&mut stage).mean(), lit);
+}
+
+fn a_resting_camera_lights_what_its_new_layers_show() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let grey = meshes::diffuse(0.5, 0.5, 0.5);
+    let hidden = meshes::spawn_box(&mut stage, Vec3::new(0.0, 0.5, -1.0), Vec3::splat(0.4), grey);
+    stage.world_mut().entity_mut(hidden).insert(RenderLayers::layer(1));
+    set::disable_history(&mut stage);
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    set::radiance(&mut stage);
+    (0..16).for_each(|_| stage.frame());
+    assert_eq!(set::gathered(&stage).cameras, 0, "at rest");
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).insert(RenderLayers::from_layers(&[0, 1]));
+    assert!(converges_in_one_frame(&mut stage, "more layers"));
 }
 
 /// A corner with rays and a black fence before its wall: the fence, and the radiance without and

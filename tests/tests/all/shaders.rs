@@ -1,11 +1,15 @@
 //! Structs and constants of the shaders are what the plugin assumes.
 
+use std::path::PathBuf;
+
+use bevy_frugal_gi::gi::GiPlugin;
 use bevy_frugal_gi::gi::inspect::{SHADER_CONSTANTS, STRUCT_BYTES};
 
 tests!(
     structs_have_the_sizes_that_buffers_assume,
     the_check_detects_a_larger_struct,
-    constants_are_those_of_the_plugin
+    constants_are_those_of_the_plugin,
+    no_workgroup_has_more_threads_than_the_required_limits
 );
 
 const SHADERS: [&str; 9] = [
@@ -64,13 +68,15 @@ fn definition<'a>(name: &str, source: &'a str) -> &'a str {
     text.split_once('=').and_then(|(_, rest)| rest.split(';').next()).expect("a value").trim()
 }
 
+/// A number, or the value of a constant of the file.
+fn factor(text: &str, source: &str) -> u64 {
+    let number = text.trim().trim_end_matches('u').parse();
+    number.unwrap_or_else(|_| value(text.trim(), source))
+}
+
 /// The value of an integer constant: a product of numbers and of other constants of the file.
 fn value(name: &str, source: &str) -> u64 {
-    let factor = |factor: &str| {
-        let number = factor.trim().trim_end_matches('u').parse();
-        number.unwrap_or_else(|_| value(factor.trim(), source))
-    };
-    definition(name, source).split('*').map(factor).product()
+    definition(name, source).split('*').map(|text| factor(text, source)).product()
 }
 
 fn constants_are_those_of_the_plugin() {
@@ -78,4 +84,29 @@ fn constants_are_those_of_the_plugin() {
         assert_eq!(value(name, &shader(file)), assumed, "{name} of {file}");
     }
     assert_eq!(value("A", "const A: u32 = B * 4u;\nconst B: u32 = 8u;"), 32, "products are read");
+}
+
+/// Every shader of a folder and of those below it.
+fn shaders(folder: PathBuf) -> Vec<PathBuf> {
+    let files =
+        std::fs::read_dir(folder).expect("a folder").map(|file| file.expect("a file").path());
+    files
+        .flat_map(|file| if file.is_dir() { shaders(file) } else { vec![file] })
+        .filter(|file| file.extension().is_some_and(|extension| extension == "wgsl"))
+        .collect()
+}
+
+fn no_workgroup_has_more_threads_than_the_required_limits() {
+    let imported = shader("vpl/vpl.wgsl");
+    let mut largest: u64 = 0;
+    for file in shaders(frugal_tests::folder::workspace().join("plugin/src/gi")) {
+        let source = std::fs::read_to_string(&file).expect("a shader") + &imported;
+        for size in source.split("@workgroup_size(").skip(1) {
+            let size = size.split(')').next().expect("a size");
+            largest = largest.max(size.split(',').map(|side| factor(side, &source)).product());
+        }
+    }
+    let limits = GiPlugin::required_limits();
+    assert_eq!(largest, u64::from(limits.max_compute_invocations_per_workgroup));
+    assert!(largest <= u64::from(limits.max_compute_workgroup_size_x), "in one row");
 }

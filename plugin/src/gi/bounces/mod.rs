@@ -55,6 +55,8 @@ pub use patches::GiPatches;
 
 /// Patches of a workgroup of `reflect.wgsl`.
 pub(in crate::gi) const PATCHES_PER_GROUP: usize = 8;
+/// Threads of its largest workgroup, and of all of GI's, which sums up the rounds.
+pub(in crate::gi) const SUM_LANES: u32 = 256;
 
 pub(super) fn build(app: &mut App) {
     embedded_asset!(app, "reflect.wgsl");

@@ -15,7 +15,7 @@ use bevy::transform::components::GlobalTransform;
 
 use super::extent::sphere_around;
 use crate::cut::CUT_DISTANCE;
-use crate::gi::surfaces::MeshChanges;
+use crate::gi::surfaces::{GiTextureCopies, MeshChanges};
 
 /// What changed since the last frame.
 #[derive(Clone, Debug, Default)]
@@ -56,6 +56,7 @@ pub(super) struct SceneReader<'w, 's> {
     known: Local<'s, EntityHashMap<Known>>,
     shown: Query<'w, 's, &'static Mesh3d>,
     materials: Option<Res<'w, Assets<StandardMaterial>>>,
+    copies: Res<'w, GiTextureCopies>,
 }
 
 impl SceneReader<'_, '_> {
@@ -100,11 +101,12 @@ impl SceneReader<'_, '_> {
         changes
     }
 
-    /// Whether assets of the scene changed. Images of an interface, and meshes that nothing shows,
-    /// do not count.
+    /// Whether assets of the scene changed, or copies of its textures are on their way: surfaces wait
+    /// for them. Images of an interface, and meshes that nothing shows, do not count.
     fn has_arrived(&self) -> bool {
         let MeshChanges { meshes, images, materials, .. } = &*self.mesh_changes;
         !materials.is_empty()
+            || self.copies.waiting() > 0
             || !meshes.is_empty() && self.shown.iter().any(|mesh| meshes.contains(&mesh.id()))
             || !images.is_empty() && self.uses_any(images)
     }

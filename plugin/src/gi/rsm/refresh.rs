@@ -103,6 +103,7 @@ pub(super) fn decide(
         .map(|(_, _, gi, ..)| gi.refresh_period.max(1));
     let mut next = frame.next(map_changes, periods.min().unwrap_or(1));
     let everywhere = changes.everywhere || always || next.arriving > 0;
+    let is_due = next.maps;
     if map_changes.changed || map_changes.unfilled || everywhere {
         let mut maps: Vec<_> = maps.iter_mut().collect();
         maps.sort_by_key(|map| *map.view);
@@ -116,7 +117,8 @@ pub(super) fn decide(
     } else {
         next.maps = false;
     }
-    next.relit = next.maps || reweighted.0;
+    // Where no light has a map, emission, the sky or what occludes them may have changed.
+    next.relit = next.maps || reweighted.0 || is_due && maps.is_empty();
     *frame = next;
 }
 

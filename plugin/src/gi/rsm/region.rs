@@ -14,6 +14,9 @@ const NEAR_SHARE: f32 = 0.3;
 /// Where the near cascade would be larger than this share of the far one's side, one map replaces
 /// both.
 const LARGEST_NEAR: f32 = 0.6;
+/// Least distance along the rays, metres, up to which meshes before and behind the camera are in a
+/// map: one of a greater depth would tell positions apart only to centimetres.
+const DEPTH: f32 = 16_384.0;
 
 /// Extent of a directional light's map in the light's own axes (the light shines along −Z).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +33,8 @@ pub(super) struct LightRegion {
 }
 
 /// The region of a map of `texels` × `texels` around `camera`, where a camera is or looks: the whole
-/// scene where it is small, else a square of twice `range`. Along the rays it always contains the
-/// whole scene, since distant meshes cast shadows on near ones.
+/// scene where it is small, else a square of twice `range`. Along the rays it contains the whole
+/// scene, since distant meshes cast shadows on near ones, but what fell or was put kilometres away.
 ///
 /// The region moves in steps of a sixteenth, which are whole texels, and grows in steps of an
 /// eighth. So VPLs stay in place while the camera or a mesh moves, and the map is seldom rendered
@@ -64,12 +67,20 @@ pub(super) fn cover(
     };
     let (x, width, fade_x) = axis(center.x, spread.x, eye.x);
     let (y, height, fade_y) = axis(center.y, spread.y, eye.y);
-    let margin = 0.01 * spread.z + 0.01;
-    let near = center.z + spread.z + margin;
+    let most = DEPTH.max(4.0 * range);
+    let (middle, half_depth) = if spread.z > most && eye.is_finite() {
+        let step = most / 8.0;
+        let middle = (eye.z / step).round() * step;
+        (middle.max(center.z - spread.z).min(center.z + spread.z), most)
+    } else {
+        (center.z, spread.z)
+    };
+    let margin = 0.01 * half_depth + 0.01;
+    let near = middle + half_depth + margin;
     LightRegion {
         origin: rotation * Vec3::new(x, y, near),
         size: Vec2::new(width, height),
-        depth: 2.0 * (spread.z + margin),
+        depth: 2.0 * (half_depth + margin),
         fade: Vec2::new(fade_x, fade_y),
     }
 }
@@ -195,6 +206,24 @@ mod tests {
         ] {
             assert_eq!(near(&far, down(), camera, range, 128), None);
         }
+    }
+
+    #[test]
+    fn a_mesh_that_fell_out_of_the_world_leaves_maps_their_precision() {
+        let fallen = (Vec3::new(-5.0, -1e7, -5.0), SCENE.1);
+        for height in [0.0, 1.7, 100.0] {
+            let eye = Vec3::new(0.0, height, 0.0);
+            let near = cover(fallen, down(), eye, 40.0, 128);
+            assert!(
+                near.depth < 40_000.0 && near.size == cover(SCENE, down(), eye, 40.0, 128).size
+            );
+            // From above the scene to below the camera.
+            assert!(near.origin.y > 3.0 && near.origin.y - near.depth < -1000.0, "{near:?}");
+        }
+        let wide = cover(fallen, down(), Vec3::ZERO, 1e5, 128);
+        assert!(wide.depth > 2e5, "a long range needs its depth: {wide:?}");
+        let all = cover(fallen, down(), Vec3::ZERO, f32::INFINITY, 128);
+        assert!(all.depth >= 1e7, "{all:?}");
     }
 
     #[test]

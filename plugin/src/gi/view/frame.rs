@@ -37,7 +37,8 @@ pub(in crate::gi) struct GiFrame {
     pub number: u32,
     /// Whether maps are rendered.
     pub maps: bool,
-    /// Whether texels of maps, or what they count for, changed.
+    /// Whether texels of maps, or what they count for, changed; where there are no maps, whether they
+    /// would be rendered.
     pub relit: bool,
     /// Maps that are out of date and wait for their turn.
     pub waiting: u32,

@@ -1,9 +1,14 @@
 //! Patches reflect again after every change, and after nothing else.
 
-use bevy::math::Vec3;
+use bevy::asset::Assets;
+use bevy::color::LinearRgba;
+use bevy::math::primitives::Plane3d;
+use bevy::math::{Vec2, Vec3};
+use bevy::mesh::{MeshBuilder, Meshable};
+use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::GiRefresh;
-use frugal::stage::Stage;
+use bevy_frugal_gi::gi::{GiRefresh, GiTextureCopies};
+use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
 
 use super::super::gi::{corner, sun};
@@ -13,6 +18,8 @@ use super::{RAYS, with_bounces};
 tests!(
     patches_rest_when_nothing_changes,
     changes_are_reflected_in_the_next_frame,
+    emission_that_changes_is_reflected_anew,
+    textures_that_arrive_late_are_reflected,
     what_follows_a_cut_depends_on_nothing_before,
     the_sky_of_before_a_cut_leaves_no_trace,
     light_does_not_depend_on_the_numbers_of_entities,
@@ -80,6 +87,57 @@ fn changes_are_reflected_in_the_next_frame() {
     check(&mut stage, "finer maps");
     assert!(stage.world_mut().despawn(mesh));
     check(&mut stage, "a mesh that is removed");
+}
+
+fn emission_that_changes_is_reflected_anew() {
+    // A floor below a panel, without any light that has a map.
+    let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Indirect));
+    meshes::spawn_corner(&mut stage, 0.5);
+    let glow = |nits: f32| LinearRgba::rgb(nits, nits, nits);
+    let material = StandardMaterial { emissive: glow(5.0), ..meshes::diffuse(0.0, 0.0, 0.0) };
+    let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
+    let panel = meshes::spawn(&mut stage, mesh, material, Transform::from_xyz(0.0, 2.0, 0.0));
+    set::apply(&mut stage, RAYS);
+    set::disable_history(&mut stage);
+    with_bounces(&mut stage, 3).world_mut().insert_resource(GiRefresh::OnChange);
+    set::radiance(&mut stage);
+    (0..16).for_each(|_| stage.frame());
+    assert_eq!(set::gathered(&stage).patches, 0, "at rest");
+    let world = stage.world_mut();
+    let handle =
+        world.get::<MeshMaterial3d<StandardMaterial>>(panel).expect("a material").0.clone();
+    let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
+    materials.get_mut(&handle).expect("the material").emissive = glow(1.0);
+    stage.frame();
+    assert_eq!(set::gathered(&stage).patches, 2 * 2048, "two rounds");
+    (0..16).for_each(|_| stage.frame());
+    assert_eq!(set::gathered(&stage).patches, 0, "at rest again");
+}
+
+fn textures_that_arrive_late_are_reflected() {
+    let mut stage = at_rest();
+    // The CPU reads copies of them, four at a time.
+    for x in 0..16 {
+        let texture = meshes::compressed_texture(&mut stage, &[0xf800, 0x001f]);
+        let white = meshes::diffuse(1.0, 1.0, 1.0);
+        let material = StandardMaterial { base_color_texture: Some(texture), ..white };
+        let place = Vec3::new(0.2 * x as f32 - 1.5, 0.3, -1.0);
+        meshes::spawn_box(&mut stage, place, Vec3::splat(0.15), material);
+    }
+    let waiting = |stage: &mut Stage| stage.world_mut().resource::<GiTextureCopies>().waiting();
+    for _ in 0..300 {
+        stage.frame();
+        if waiting(&mut stage) == 0 {
+            break;
+        }
+    }
+    assert_eq!(waiting(&mut stage), 0);
+    (0..16).for_each(|_| stage.frame());
+    assert_eq!(set::gathered(&stage).cameras, 0, "at rest");
+    let shown = stage.radiance().expect("an image");
+    stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+    (0..3).for_each(|_| stage.frame());
+    assert!(stage.radiance().expect("an image") == shown, "nothing was left out");
 }
 
 fn what_follows_a_cut_depends_on_nothing_before() {
