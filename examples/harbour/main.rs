@@ -8,7 +8,7 @@
 //!
 //! ```sh
 //! frugal precompute --app "cargo run --example harbour" --cameras target/harbour/tour.cameras \
-//!     --size 96x54 --fps 8 --time-limit 2h -o target/harbour.pareto.ron
+//!     --size 96x54 --time-limit 2h -o target/harbour.pareto.ron
 //! ```
 
 mod builder;

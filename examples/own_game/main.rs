@@ -7,7 +7,7 @@
 //! ```sh
 //! mkdir -p target
 //! frugal precompute --app "cargo run --example own_game" \
-//!     --size 160x90 --fps 15 --time-limit 10m -o target/own_game.pareto.ron
+//!     --size 160x90 --time-limit 10m -o target/own_game.pareto.ron
 //! ```
 
 mod creature;

@@ -238,8 +238,10 @@ static FOUND: OnceLock<(wgpu::Instance, Adapter)> = OnceLock::new();
 
 /// The adapter that renders an app, which may have chosen another than [`adapter`].
 fn adapter_of(world: &World) -> Option<Adapter> {
+    // In any case: what it finds keeps the driver loaded.
+    let first = adapter();
     let info = world.get_resource::<RenderAdapterInfo>();
-    info.map(|info| Adapter::from(&*info.0)).or_else(adapter)
+    info.map(|info| Adapter::from(&*info.0)).or(first)
 }
 
 /// The adapter that the renderer will choose; `None` if there is none: Bevy then panics.
