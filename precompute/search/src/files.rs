@@ -66,8 +66,8 @@ pub fn write_atomically(
 /// Checks whether [`write_atomically`] can write `path`: for use before long work.
 ///
 /// # Errors
-/// When the folder is missing or not writable, or `path` is a folder or a read-only file. Leaves no
-/// files behind.
+/// When the folder is missing or not writable, or `path` is a folder, a device or a read-only file.
+/// Leaves no files behind.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
     let failed = |source| FileError::new("write", path, source);
     let target = target(path).map_err(failed)?;
@@ -84,6 +84,8 @@ fn target(path: &Path) -> io::Result<PathBuf> {
     }
     match fs::metadata(&target) {
         Ok(metadata) if metadata.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
+        // A rename would replace `/dev/null` itself, and `/dev/stdout` gets nothing.
+        Ok(metadata) if !metadata.is_file() => Err(io::Error::other("it is a device or a pipe")),
         // A rename would replace a read-only file, against its owner's intent.
         Ok(metadata) if metadata.permissions().readonly() => {
             Err(io::ErrorKind::PermissionDenied.into())
@@ -165,6 +167,19 @@ mod tests {
         fs::set_permissions(&path, permissions).expect("can be marked");
         assert!(check_writable(&path).is_err() && write_atomically(&path, |_| Ok(())).is_err());
         assert_eq!(fs::read(&path).expect("still there"), b"precious");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_neither_file_nor_folder_is_left_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("socket");
+        let _socket = std::os::unix::net::UnixListener::bind(&path).expect("a socket");
+        for error in [check_writable(&path), write_atomically(&path, |_| Ok(()))] {
+            let message = error.expect_err("no file").to_string();
+            assert!(message.contains("give another output"), "{message}");
+        }
+        assert!(!fs::metadata(&path).expect("still there").is_file());
     }
 
     #[cfg(unix)]

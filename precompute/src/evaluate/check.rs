@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use frugal_core::knobs::KnobLevels;
 use frugal_search::evaluate::{Drift, Fixed, FrameRecord, PathPlan, Policy};
 use frugal_search::pipeline::{PipelineError, Progress};
-use frugal_trace::metrics::Reference;
+use frugal_trace::metrics::Picture;
 
 use super::{Against, play};
 use crate::stage::FrameRenderer;
@@ -30,7 +30,7 @@ pub(crate) fn play_for_real(
             on_frame(&Progress { stage: name, done, total })
         })
     };
-    let mut references: Vec<Reference> = Vec::new();
+    let mut references: Vec<Picture> = Vec::new();
     let first = run("maximum", &mut Fixed(best), Against::Collect(&mut references))?;
     let mut runs = Vec::new();
     for policy in policies {

@@ -21,7 +21,7 @@ use std::ops::ControlFlow;
 use frugal_core::frontier::CostPoint;
 use frugal_search::evaluate::{FrameRecord, PathPlan, Policy, Pose};
 use frugal_search::pipeline::PipelineError;
-use frugal_trace::metrics::Reference;
+use frugal_trace::metrics::{Picture, ssim};
 
 use crate::scene::CameraPath;
 use crate::stage::{FrameRenderer, StageError};
@@ -42,12 +42,13 @@ pub(crate) fn plan_along(name: &str, path: &CameraPath, fps: f64) -> Result<Path
     PathPlan::new(name, fps, (0..frames).map(pose))
 }
 
-/// Use of a run's images.
+/// Use of a run's images. References stay images, of 3 bytes per pixel: prepared ones take five times as
+/// much, and those of a path do not fit into a laptop's memory.
 enum Against<'a> {
     /// Stores them as the references.
-    Collect(&'a mut Vec<Reference>),
+    Collect(&'a mut Vec<Picture>),
     /// Compares them with these references.
-    Compare(&'a [Reference]),
+    Compare(&'a [Picture]),
 }
 
 /// Plays all of `path`. `on_frame` is called after every frame and can stop the run.
@@ -68,14 +69,16 @@ fn play(
             renderer.begin_run(pose, choice.settings).map_err(failed)?;
         }
         let (picture, power) = renderer.render_frame(pose, choice.settings).map_err(failed)?;
-        let at_frame =
-            |error| PipelineError::Measure(format!("run `{name}`, frame {frame}: {error}"));
         let error = match &mut against {
             Against::Collect(references) => {
-                references.push(Reference::new(&picture).map_err(at_frame)?);
+                references.push(picture);
                 0.0
             }
-            Against::Compare(references) => references[frame].error(&picture).map_err(at_frame)?,
+            Against::Compare(references) => {
+                ssim::error(&references[frame], &picture).map_err(|error| {
+                    PipelineError::Measure(format!("run `{name}`, frame {frame}: {error}"))
+                })?
+            }
         };
         policy.observe(CostPoint::new(power.0, error));
         records.push(FrameRecord {
@@ -94,10 +97,26 @@ fn play(
 
 #[cfg(test)]
 mod tests {
+    use frugal_search::evaluate::Fixed;
+    use frugal_search::testing::formula::{path, space};
     use glam::Vec3;
 
+    use super::testing::Fake;
     use super::*;
     use crate::scene::CameraKey;
+
+    #[test]
+    fn references_of_a_path_take_three_bytes_a_pixel() {
+        let mut references = Vec::new();
+        let mut best = Fixed(space().highest());
+        let against = Against::Collect(&mut references);
+        play(&mut Fake::default(), &path(), "maximum", &mut best, against, &mut || {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        let bytes: usize = references.iter().map(|it| size_of_val(&it.rgb[..])).sum();
+        assert_eq!(bytes, path().poses().len() * 16 * 12 * 3);
+    }
 
     #[test]
     fn a_path_has_as_many_frames_as_its_length_says() {

@@ -8,7 +8,7 @@ use frugal_core::knobs::{KnobLevels, KnobSpace};
 use frugal_search::evaluate::{Fixed, FrameRecord, PathPlan, PathRecord};
 use frugal_search::journal::{Journal, JournalError, cost_record};
 use frugal_search::pipeline::{PipelineError, Progress};
-use frugal_trace::metrics::Reference;
+use frugal_trace::metrics::Picture;
 
 use super::{Against, play};
 use crate::stage::{FrameRenderer, side_by_side};
@@ -50,7 +50,7 @@ pub(crate) fn extend<P: FrameRenderer + Send>(
         }
         Ok::<_, JournalError>(())
     };
-    let mut references: Vec<Reference> = Vec::new();
+    let mut references: Vec<Picture> = Vec::new();
     constant(first, (path, space), best, Against::Collect(&mut references), &mut || told(best))?;
 
     let (path, space) = (&*path, &*space);

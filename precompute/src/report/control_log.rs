@@ -5,7 +5,7 @@ use bevy_frugal_gi_tools::control_log::ControlSample;
 use super::{Axis, BLUE, Curve, Fact, GREY, Plot, RED, RGBColor, Report, percent};
 use crate::control_log::{CameraLog, changes};
 
-/// Most points of a curve; a longer log is averaged.
+/// Most points of a curve; neighbouring ones of a longer log are joined.
 const MOST_POINTS: usize = 1000;
 
 /// A page with a section for each of `logs`; `name`: the file's.
@@ -81,7 +81,8 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
         let plot = Plot { label, curves: &curves, ..Plot::default() };
         (!curves.is_empty()).then(|| Ok((label, plot.svg([Axis::TIME, axis])?)))
     };
-    let of = |color: RGBColor, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value);
+    let of =
+        |color: RGBColor, value: fn(&ControlSample) -> Option<f64>| curve(log, color, value, mean);
     let power_limit = |sample: &ControlSample| {
         let own = sample.power_budget_w;
         [own, sample.app_budget_w].into_iter().flatten().reduce(f64::min)
@@ -94,13 +95,13 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
         .into_iter()
         .chain(limits(log, |sample| sample.error_budget))
         .chain(of(GREY, |sample| sample.measured_error));
-    let frame = of(BLUE, |sample| sample.frame_ms)
-        .into_iter()
-        .chain(of(GREY, |sample| sample.longest_frame_ms));
+    let longest = curve(log, GREY, |sample| sample.longest_frame_ms, greatest);
+    let frame = of(BLUE, |sample| sample.frame_ms).into_iter().chain(longest);
     let plots = [
         plot("Power", Axis::linear("power, W"), power.collect()),
         plot("Error", Axis::ERROR, error.collect()),
-        plot("Frame time", Axis::linear("frame, ms"), frame.collect()),
+        // An app loads for seconds, beside which all its frames would be one line.
+        plot("Frame time", Axis::logarithmic("frame, ms"), frame.collect()),
     ];
     let plots = plots.into_iter().flatten().collect::<Result<Vec<_>, String>>()?;
     if !plots.is_empty() {
@@ -125,15 +126,16 @@ fn section(report: &mut Report, log: &CameraLog) -> Result<(), String> {
     Ok(())
 }
 
-/// A value over time; `None` where no sample has it.
+/// A value over time, of a long log `joined`; `None` where no sample has it.
 fn curve(
     log: &CameraLog,
     color: RGBColor,
     value: impl Fn(&ControlSample) -> Option<f64>,
+    joined: fn(&[(f64, f64)]) -> f64,
 ) -> Option<Curve> {
     let points: Vec<(f64, f64)> =
         log.samples.iter().filter_map(|sample| Some((sample.time_s, value(sample)?))).collect();
-    let points = thinned(&points);
+    let points = thinned(&points, joined);
     (!points.is_empty()).then_some(Curve { color, width: 2, points })
 }
 
@@ -144,21 +146,25 @@ fn limits(log: &CameraLog, limit: impl Fn(&ControlSample) -> Option<f64>) -> Vec
     };
     log.samples
         .chunk_by(|a, b| limit(a).is_some() == limit(b).is_some())
-        .map(|samples| thinned(&points(samples)))
+        .map(|samples| thinned(&points(samples), mean))
         .filter(|points| !points.is_empty())
         .map(|points| Curve { color: RED, width: 2, points })
         .collect()
 }
 
-/// At most [`MOST_POINTS`] means of neighbouring points.
-fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+/// At most [`MOST_POINTS`] points: neighbouring ones have one value, `joined`.
+fn thinned(points: &[(f64, f64)], joined: fn(&[(f64, f64)]) -> f64) -> Vec<(f64, f64)> {
     let each = points.len().div_ceil(MOST_POINTS).max(1);
-    let mean = |chunk: &[(f64, f64)]| {
-        let count = chunk.len() as f64;
-        let sum = chunk.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0, sum.1 + point.1));
-        (sum.0 / count, sum.1 / count)
-    };
-    points.chunks(each).map(mean).collect()
+    points.chunks(each).map(|chunk| (chunk[chunk.len() / 2].0, joined(chunk))).collect()
+}
+
+fn mean(points: &[(f64, f64)]) -> f64 {
+    points.iter().map(|point| point.1).sum::<f64>() / points.len() as f64
+}
+
+/// For what a mean would hide: one long frame among many.
+fn greatest(points: &[(f64, f64)]) -> f64 {
+    points.iter().map(|point| point.1).fold(f64::NEG_INFINITY, f64::max)
 }
 
 #[cfg(test)]
@@ -202,6 +208,17 @@ mod tests {
     }
 
     #[test]
+    fn one_long_frame_shows_in_a_long_log_and_hides_no_others() {
+        let mut log = log(3000);
+        log[0].samples[1500].longest_frame_ms = Some(3000.0);
+        let frames = curve(&log[0], GREY, |sample| sample.longest_frame_ms, greatest);
+        let frames = frames.expect("a curve").points;
+        assert!(frames.len() <= MOST_POINTS && frames[500].1 == 3000.0, "{:?}", frames[500]);
+        let page = control_log_report("play.csv", &log).expect("a page");
+        assert!(page.contains("\n1000\n") && !page.contains("\n2000\n"), "equal factors");
+    }
+
+    #[test]
     fn errors_measured_in_play_are_shown() {
         let mut log = log(100);
         for index in [3, 50, 70] {
@@ -224,7 +241,7 @@ mod tests {
     #[test]
     fn a_long_log_is_thinned_and_a_short_one_drawn() {
         let points: Vec<(f64, f64)> = (0..2500).map(|index| (f64::from(index), 1.0)).collect();
-        let thin = thinned(&points);
+        let thin = thinned(&points, mean);
         assert!(thin.len() <= MOST_POINTS && thin[0] == (1.0, 1.0), "{:?}", thin[0]);
         assert!(control_log_report("one", &log(1)).is_ok());
         assert!(control_log_report("none", &[]).is_ok());

@@ -51,18 +51,20 @@ pub(crate) fn map_facts(map: &FrontierMap) -> Vec<Fact> {
     let ([west, down, north], [east, up, south]) = (map.bounds.min, map.bounds.max);
     let [width, height] = map.capture.size;
     let points: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
-    let power = match map.shared.points() {
-        [first, .., last] => format!(
+    let points_of_all = map.shared.points();
+    let power = match points_of_all.first().zip(points_of_all.last()) {
+        Some((first, last)) => format!(
             "{:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
             first.cost.power.0, last.cost.power.0, first.cost.error, last.cost.error
         ),
-        _ => "there is no shared frontier".to_owned(),
+        None => "there is no shared frontier".to_owned(),
     };
-    let budgets = match map.error_rates.0.as_slice() {
-        [first, .., last] => {
+    let rates = &map.error_rates.0;
+    let budgets = match rates.first().zip(rates.last()) {
+        Some((first, last)) => {
             format!("errors of {} to {} are calibrated", first.budget, last.budget)
         }
-        _ => "no error budget is calibrated".to_owned(),
+        None => "no error budget is calibrated".to_owned(),
     };
     vec![
         ("scene", format!("{} ({})", map.scene.name, map.scene.fingerprint)),
@@ -111,7 +113,8 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use frugal_core::frontier::{
-        Bounds, Capture, Corner, CostPoint, FrontierPoint, Octree, SceneIdentity, Thresholds,
+        Bounds, Capture, Corner, CostPoint, ErrorRate, ErrorRates, FrontierPoint, Octree,
+        SceneIdentity, Thresholds,
     };
     use frugal_core::knobs::KnobSpace;
 
@@ -161,6 +164,18 @@ mod tests {
             "36 combinations",
         ] {
             assert!(html.contains(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_map_of_one_setting_and_one_budget_says_so() {
+        let mut map = map(octree());
+        map.shared = Frontier::from_points(map.shared.points().iter().take(1).copied());
+        let rate = ErrorRate { budget: 0.1, watts_per_error: 1.0, predicted: None };
+        map.error_rates = ErrorRates(vec![rate]);
+        let facts: Vec<String> = map_facts(&map).into_iter().map(|(_, value)| value).collect();
+        for text in ["mean over the training cameras", "errors of 0.1 to 0.1 are calibrated"] {
+            assert!(facts.iter().any(|fact| fact.contains(text)), "{text}: {facts:?}");
         }
     }
 

@@ -53,7 +53,8 @@ impl<'a> Axis<'a> {
     /// Time of a path or of an app.
     pub(crate) const TIME: Axis<'static> = Axis::along("time, s");
 
-    const fn logarithmic(name: &'a str) -> Self {
+    /// An axis in equal factors.
+    pub(crate) const fn logarithmic(name: &'a str) -> Self {
         Self { name, is_log: true, from_zero: false }
     }
 

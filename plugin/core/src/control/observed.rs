@@ -39,6 +39,10 @@ impl Exchange {
 
 /// Readings of shorter intervals are averaged, seconds: single frames are noisy.
 const INTERVAL_SECONDS: f64 = 0.25;
+/// Factors, either way, between two readings, and between the powers that were predicted for them, from which
+/// and up to which they are not of one scene: no settings make the difference.
+const OTHER_SCENE: f64 = 3.0;
+const SAME_POWER: f64 = 1.25;
 
 /// The recursion for one quantity.
 #[derive(Clone, Debug, Default)]
@@ -46,6 +50,10 @@ struct ExchangeModel {
     model: PowerModel,
     /// Factor on readings, so that gain and offset begin near those of power.
     scale: Option<f64>,
+    /// The last reading that was learnt from, and its predicted power.
+    last: Option<(f64, f64)>,
+    /// Whether a reading since was of another scene.
+    is_other: bool,
     /// Of the last frame; `None` where there was none.
     predicted: Option<f64>,
     /// Sum of readings times seconds, and seconds.
@@ -82,8 +90,26 @@ impl ExchangeModel {
         }
         self.pending = (0.0, 0.0);
         let mean = sum / seconds;
+        let differs = |ratio: f64, most: f64| !(most.recip()..=most).contains(&ratio);
+        let is_other = self.last.is_some_and(|(last, watts)| {
+            differs(mean / last, OTHER_SCENE) && !differs(predicted / watts, SAME_POWER)
+        });
+        if is_other && !self.is_other {
+            // It may be a single frame.
+            self.is_other = true;
+            return;
+        }
+        if is_other {
+            // The app has loaded, or its scene has appeared: the scale is that of what was before.
+            (self.model, self.scale) = (PowerModel::default(), None);
+            self.model.predict(Watts(predicted), seconds);
+        }
+        (self.is_other, self.last) = (false, Some((mean, predicted)));
         let scale = *self.scale.get_or_insert_with(|| predicted.max(1e-3) / mean);
-        self.model.read(Watts(mean * scale), seconds);
+        // Two are of another scene.
+        for _ in 0..=u32::from(is_other) {
+            self.model.read(Watts(mean * scale), seconds);
+        }
     }
 
     /// The quantity at the last predicted power; `None` while one of them is unknown.
@@ -197,7 +223,8 @@ impl SignalModel {
         }
         let battery = self.battery.step(frame);
         self.observed = Observed {
-            frame_time: self.frame_time.exchange(),
+            // A single reading may be one of an app that loads.
+            frame_time: self.frame_time.exchange().filter(|_| self.frame_time.model.readings() > 1),
             now_seconds: frame.now_seconds,
             battery,
             battery_power: self.battery.drain.exchange(),

@@ -27,6 +27,8 @@ struct Loop {
     tells_power: bool,
     /// Seconds of a frame's work for each watt, beside 4 ms.
     seconds_per_watt: f64,
+    /// Seconds of a frame's work whatever the settings.
+    work: Option<f64>,
     /// Temperature at which the headroom is used up, kelvin above the room's.
     hottest: f64,
     /// Seconds of work, watts and headroom of each frame.
@@ -50,6 +52,7 @@ impl Loop {
             energy: f64::INFINITY,
             tells_power: true,
             seconds_per_watt: 0.0008,
+            work: None,
             hottest: 1e9,
             frames: Vec::new(),
             outcome: None,
@@ -79,7 +82,7 @@ impl Loop {
             (self.current, self.outcome) = (Some(found.applied), Some(found.outcome));
             self.binding = limits.power_by.or(limits.peak_by);
             let power = self.device.step(found.uncorrected, self.frame).0;
-            let work = 0.004 + self.seconds_per_watt * power;
+            let work = self.work.unwrap_or(0.004 + self.seconds_per_watt * power);
             let (before, drawn) = (self.now, power + self.others);
             self.now += self.frame;
             self.energy -= drawn * self.frame;
@@ -180,6 +183,24 @@ fn a_frame_time_is_kept_and_used_also_when_the_device_gets_slower() {
         assert!((0.88..=1.01).contains(&share), "{share}");
     }
     assert_eq!(app.binding, Some(Limit::FrameTime));
+}
+
+#[test]
+fn what_was_before_the_scene_does_not_decide_how_a_frame_time_is_kept() {
+    let limit = 0.011;
+    // Seconds of work and of a frame: an app that loads, for a moment or longer, and an empty scene.
+    for (work, frame, count) in [(0.24, 0.24, 1), (1.0, 1.0, 9), (0.0005, 1.0 / 60.0, 60)] {
+        let budget = Budget::default().with_frame_time(Duration::from_secs_f64(limit));
+        let mut app = Loop::new(budget, frame);
+        app.work = Some(work);
+        app.run(f64::from(count) * frame);
+        (app.frame, app.work) = (1.0 / 60.0, None);
+        app.run(30.0);
+        let share = app.mean(10.0, |frame| frame.0) / limit;
+        let last = app.frames[app.frames.len() - 600..].iter();
+        let longest = last.map(|frame| frame.0).fold(0.0, f64::max) / limit;
+        assert!((0.88..=1.01).contains(&share) && longest < 1.05, "{work} s: {share}, {longest}");
+    }
 }
 
 #[test]

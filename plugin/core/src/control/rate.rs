@@ -332,8 +332,9 @@ fn greatest(is_accepted: impl Fn(f64) -> bool) -> Option<f64> {
 fn differs(now: Option<f64>, then: Option<f64>) -> bool {
     match (now, then) {
         (Some(now), Some(then)) => {
-            // Equal infinities do not differ, and NaN, for which nothing is near, does.
-            let is_near = (now - then).abs() <= OTHER_LIMIT * then.abs();
+            // Equal infinities do not differ. NaN, for which nothing is near, does, as does what is as far
+            // from infinity as its share.
+            let is_near = (now - then).abs() < OTHER_LIMIT * then.abs();
             now != then && !is_near
         }
         (now, then) => now.is_some() != then.is_some(),

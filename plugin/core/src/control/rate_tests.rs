@@ -138,6 +138,8 @@ fn another_budget_begins_anew_and_a_drifting_one_does_not() {
         (Some(4.0), Some(0.2), 30.0),
         (Some(4.0), Some(0.2), 10.0),
         (Some(f64::INFINITY), Some(0.2), 10.0),
+        (Some(4.0), Some(f64::INFINITY), 10.0),
+        (Some(4.0), Some(0.2), 10.0),
     ] {
         assert!(tracker.begin(power, error, horizon), "{power:?} {error:?} {horizon}");
         assert!(!tracker.begin(power, error, horizon), "{power:?} {error:?} {horizon}");

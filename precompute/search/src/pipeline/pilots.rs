@@ -8,11 +8,15 @@ use crate::cameras::MovingCamera;
 
 /// Metres equivalent to a turn of 180°.
 const METRES_PER_TURN: f32 = 12.0;
+/// Most cameras among which pilots are chosen, since all pairs are compared. The first of a set are spread
+/// over the whole scene.
+const MOST_COMPARED: usize = 1000;
 
 /// Numbers of `count` cameras, the [`medoids`] in position and direction, the most representative
 /// first. Cameras far from all others would be those in corners of free space, and the pool would suit
 /// them instead of the tracks.
 pub(super) fn choose(cameras: &[MovingCamera], count: usize) -> Vec<usize> {
+    let cameras = &cameras[..cameras.len().min(MOST_COMPARED)];
     let distance = |a: &MovingCamera, b: &MovingCamera| {
         let turn = a.pose.forward().distance(b.pose.forward()) / 2.0;
         a.pose.position.distance(b.pose.position) / METRES_PER_TURN + turn
@@ -66,6 +70,9 @@ fn medoids(count: usize, most: usize, distance: impl Fn(usize, usize) -> f64) ->
 
 #[cfg(test)]
 mod tests {
+    use frugal_trace::scene::CameraPose;
+    use glam::{Quat, Vec3};
+
     use super::*;
 
     fn of(at: &[f64], most: usize) -> Vec<usize> {
@@ -91,6 +98,18 @@ mod tests {
         let at: [f64; 9] = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 5.3, 5.4, 9.0];
         let chosen = medoids(at.len(), 3, |a, b| (at[a] - at[b]).abs());
         assert_eq!(chosen, [5, 1, 8]);
+    }
+
+    #[test]
+    fn pairs_of_all_of_many_cameras_are_not_compared() {
+        let camera = |number: usize| {
+            let position = Vec3::X * if number < MOST_COMPARED { 0.0 } else { 100.0 };
+            let pose = CameraPose { position, rotation: Quat::IDENTITY };
+            MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group: 0 }
+        };
+        // Most are elsewhere, beyond those that are compared.
+        let cameras: Vec<MovingCamera> = (0..5 * MOST_COMPARED / 2).map(camera).collect();
+        assert_eq!(choose(&cameras, 1), [0]);
     }
 
     #[test]

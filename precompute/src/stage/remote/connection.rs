@@ -45,6 +45,8 @@ pub(super) struct Connection {
     pub hello: Hello,
     /// Its size after the last reply, bytes.
     pub resident_bytes: u64,
+    /// Its size once it was opened, bytes.
+    pub bytes_when_new: u64,
 }
 
 impl Connection {
@@ -101,6 +103,7 @@ impl Connection {
             output: socket,
             hello,
             resident_bytes: 0,
+            bytes_when_new: 0,
         })
     }
 

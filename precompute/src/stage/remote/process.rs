@@ -16,9 +16,11 @@ use super::program::Program;
 use crate::stage::FrameRenderer;
 use crate::work_meter::WorkMeter;
 
-/// Resident size above which a process is replaced, bytes. Well above a scene's own textures, well
+/// Resident size above which a process is replaced, bytes. Well above most scenes' own textures, well
 /// below the memory of a small machine.
 const LARGEST_BYTES: u64 = 4 << 30;
+/// The same as a multiple of its size when it was new: an app may have more textures.
+const MOST_GROWTH: u64 = 2;
 
 /// A stage's process, running or to be started.
 pub(crate) struct StageProcess {
@@ -136,8 +138,10 @@ impl StageProcess {
     /// Sends a request, after replacing a process that has grown too large; repeats it once with a
     /// fresh one if it died.
     fn ask(&mut self, request: &Request) -> Result<(Answer, Vec<u8>), StageError> {
-        let is_large = |connection: &Connection| connection.resident_bytes > LARGEST_BYTES;
-        if self.connection.as_ref().is_none_or(is_large) {
+        let has_grown = |connection: &Connection| {
+            is_too_large(connection.resident_bytes, connection.bytes_when_new)
+        };
+        if self.connection.as_ref().is_none_or(has_grown) {
             self.start()?;
             self.prepare(request)?;
         }
@@ -170,6 +174,9 @@ impl StageProcess {
             return Err(NoAnswer::Failed(StageError::failed(message)));
         };
         let result = connection.exchange(request);
+        if matches!(request, Request::Open(_)) {
+            connection.bytes_when_new = connection.resident_bytes;
+        }
         if matches!(result, Err(NoAnswer::Broken(_) | NoAnswer::Hung(_))) {
             self.connection = None;
         }
@@ -189,6 +196,11 @@ impl StageProcess {
         let error = MeterError::broken(name, format!("gave {power} for rendered frames"));
         Err(StageError::failed(error))
     }
+}
+
+/// Whether a process of a resident size is to be replaced, by its size when it was new, bytes.
+fn is_too_large(now: u64, when_new: u64) -> bool {
+    now > LARGEST_BYTES.max(when_new.saturating_mul(MOST_GROWTH))
 }
 
 /// One image.
@@ -219,5 +231,19 @@ impl FrameRenderer for StageProcess {
             }
             (other, _) => Err(unexpected(&other)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_is_replaced_for_what_it_has_grown_by_and_not_for_what_it_is() {
+        let gib = |count: u64| count << 30;
+        assert!(is_too_large(gib(5), gib(1)) && !is_too_large(gib(4), gib(1)));
+        // A level with much in memory would else start anew for each frame.
+        assert!(!is_too_large(gib(7), gib(6)) && is_too_large(gib(13), gib(6)));
+        assert!(!is_too_large(0, 0) && !is_too_large(u64::MAX, u64::MAX));
     }
 }
