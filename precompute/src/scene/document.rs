@@ -101,8 +101,28 @@ pub(super) fn files(bytes: &[u8]) -> Vec<String> {
     let root = document.into_json();
     let buffers = root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
     let images = root.images.iter().filter_map(|image| image.uri.as_deref());
-    let decoded = |uri| percent_decode_str(uri).decode_utf8_lossy().into_owned();
-    buffers.chain(images).filter(|uri| !uri.starts_with("data:")).map(decoded).collect()
+    buffers.chain(images).filter_map(beside).collect()
+}
+
+/// The first buffer beside the file of `bytes`, in `folder`, that is shorter than that file says, as a
+/// sentence. Bevy's loader would draw what is left of it, without the missing indices.
+pub(super) fn short_buffer(bytes: &[u8], folder: &std::path::Path) -> Option<String> {
+    let root = Gltf::from_slice_without_validation(bytes).ok()?.document.into_json();
+    root.buffers.iter().find_map(|buffer| {
+        let name = beside(buffer.uri.as_deref()?)?;
+        // One that is missing is the loader's to name.
+        let found = std::fs::metadata(folder.join(&name)).ok()?.len();
+        let expected = buffer.byte_length.0;
+        (found < expected).then(|| {
+            format!("its buffer {name} is cut short or not downloaded: {found} bytes of {expected}")
+        })
+    })
+}
+
+/// The path of a file beside a glTF file; `None` of data in the file itself.
+fn beside(uri: &str) -> Option<String> {
+    let path = || percent_decode_str(uri).decode_utf8_lossy().into_owned();
+    (!uri.starts_with("data:")).then(path)
 }
 
 /// The first contradiction in the file.

@@ -334,6 +334,17 @@ fn files_cut_anywhere_are_refused() {
 }
 
 #[test]
+fn a_buffer_that_is_cut_short_is_named() {
+    let json = QUAD.replace("{\"byteLength\":72}", "{\"uri\":\"a%20b.bin\",\"byteLength\":72}");
+    let binary = quad_binary();
+    let read =
+        |length: usize| read_file("test.gltf", json.as_bytes(), &[("a b.bin", &binary[..length])]);
+    assert_eq!(read(72).unwrap().0.triangle_count(), 2);
+    let error = read(71).unwrap_err();
+    assert!(error.contains("a b.bin is cut short") && error.contains("71 bytes of 72"), "{error}");
+}
+
+#[test]
 fn contradictions_are_refused() {
     for (from, to) in [
         ("\"byteOffset\":24", "\"byteOffset\":25000"),
