@@ -72,11 +72,13 @@ pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Che
     // What was spawned in this update has its place in the next.
     app.update();
     let extracted = extract(app.world_mut(), None);
-    if extracted.geometry.triangle_count() == 0 {
-        return Err(unusable(name, "it has no triangles"));
-    }
     checked.gaps.extend(gaps);
     checked.gaps.extend(extracted.gaps);
+    if extracted.geometry.triangle_count() == 0 {
+        // It may have some that Bevy shows.
+        let left_out: Vec<String> = checked.gaps.iter().map(|gap| format!(" ({gap})")).collect();
+        return Err(unusable(name, &format!("it has no triangles to trace{}", left_out.concat())));
+    }
     Ok((extracted.geometry, checked))
 }
 

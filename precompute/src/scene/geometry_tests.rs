@@ -165,6 +165,8 @@ fn strips_and_mirrors_keep_their_fronts_and_others_are_named() {
     assert!(facing(&read_file("test.glb", &glb(&strip, &binary), &[]).unwrap().0));
     let lines = read_json(&QUAD.replace("\"mode\":4", "\"mode\":1")).unwrap_err();
     assert!(lines.contains("no triangles"), "{lines}");
+    let glass = read_json(&QUAD.replace("\"MASK\",\"alphaCutoff\":0.25", "\"BLEND\"")).unwrap_err();
+    assert!(glass.contains("no triangles to trace (blended surfaces are left out"), "{glass}");
     let fan = read_json(&QUAD.replace("\"mode\":4", "\"mode\":6")).unwrap_err();
     assert!(fan.contains("primitive mode"), "{fan}");
 }
