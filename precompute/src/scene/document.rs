@@ -231,9 +231,11 @@ fn is_read(semantic: &Semantic, format: (DataType, Dimensions, bool)) -> bool {
 fn texture_uses(material: &Material, gaps: &mut Vec<String>) {
     let surface = material.pbr_metallic_roughness();
     let base = surface.base_color_texture();
-    let transform = |info: &gltf::texture::Info| {
-        info.texture_transform().map(|transform| {
-            (transform.offset(), transform.rotation().to_bits(), transform.scale())
+    // One that changes nothing is as good as none.
+    let transform = |info: Option<&gltf::texture::Info>| {
+        let moved = info.and_then(gltf::texture::Info::texture_transform);
+        moved.map_or(([0.0; 2], 0.0, [1.0; 2]), |moved| {
+            (moved.offset(), moved.rotation(), moved.scale())
         })
     };
     let others = [surface.metallic_roughness_texture(), material.emissive_texture()];
@@ -252,8 +254,8 @@ fn texture_uses(material: &Material, gaps: &mut Vec<String>) {
             ));
         }
     }
-    let expected = base.as_ref().and_then(&transform);
-    if others.iter().flatten().any(|info| transform(info) != expected) {
+    let expected = transform(base.as_ref());
+    if others.iter().flatten().any(|info| transform(Some(info)) != expected) {
         gaps.push(format!("{}: Bevy moves all its textures as its base colour", name()));
     }
 }

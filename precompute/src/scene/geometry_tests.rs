@@ -202,6 +202,14 @@ fn textures_are_read_as_the_material_says() {
     let (_, gaps) =
         read_textured(&differing, r#","sampler":0"#, &format!("{sampler}{required}")).unwrap();
     assert!(gaps.iter().any(|gap| gap.contains("paint")), "{gaps:?}");
+    // One that changes nothing is as good as none.
+    let still = r#","extensions":{"KHR_texture_transform":{"scale":[1,1]}}"#;
+    let (plain, still) = (use_of(""), use_of(still));
+    let same = format!(
+        r#""pbrMetallicRoughness":{{"baseColorTexture":{plain}}},"emissiveTexture":{still}"#
+    );
+    let (_, gaps) = read_textured(&same, "", required).unwrap();
+    assert!(gaps.is_empty(), "{gaps:?}");
     let third = material.replace("\"texCoord\":1", "\"texCoord\":2");
     let (_, gaps) = read_textured(&third, "", required).unwrap();
     assert!(gaps.iter().any(|gap| gap.contains("texture coordinates")), "{gaps:?}");
