@@ -238,6 +238,11 @@ fn missing_images_are_named_and_the_rest_is_read() {
         read_file("test.gltf", with_image("no%20such.png").as_bytes(), &[]).unwrap();
     assert_eq!((geometry.triangle_count(), geometry.textures.len()), (2, 0));
     assert!(gaps.iter().any(|gap| gap.contains("no such.png")), "{gaps:?}");
+    // It is there, in a format without a loader.
+    let others: &[(&str, &[u8])] = &[("wall.tga", b"no")];
+    let (_, gaps) = read_file("test.gltf", with_image("wall.tga").as_bytes(), others).unwrap();
+    let is_named = |gap: &String| gap.contains("cannot be read") && gap.contains("wall.tga");
+    assert!(gaps.iter().any(is_named), "{gaps:?}");
     // Names are percent-encoded.
     let mut picture = std::io::Cursor::new(Vec::new());
     let pixel = image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 4]));

@@ -137,7 +137,7 @@ fn finish_materials(
             {
                 let path = slot.take().and_then(|image| Some(image.path()?.to_string()));
                 missing.push(format!(
-                    "an image is missing and read as white: {}",
+                    "an image is missing, or cannot be read, and is white: {}",
                     path.unwrap_or_default()
                 ));
             }
