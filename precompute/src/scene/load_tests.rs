@@ -97,6 +97,8 @@ fn wrong_values_are_named_with_line_column_and_field() {
     spoiled("0.95, 0.88", "-0.95, 0.88", (4, "-0.95, 0.88"), "lights[0].color[1]", &["at least 0"]);
     spoiled("31.0", "-31.0", (5, "-31"), "lights[1].range", &["greater than 0"]);
     spoiled("35.0", "15.0", (7, "15.0"), "lights[2].outer_angle", &["inner_angle"]);
+    let (both, narrow) = ("inner_angle: 20.0, outer_angle: 35.0", "outer_angle: 29.0");
+    spoiled(both, narrow, (7, "29.0"), "lights[2].outer_angle", &["inner_angle", "default is 30"]);
     spoiled("35.0", "95.0", (7, "95.0"), "lights[2].outer_angle", &["90"]);
     spoiled("220.0", "inf", (9, "inf"), "environment[0][1]", &["nits"]);
     spoiled("12.0", "99", (10, "99"), "exposure_ev100", &["-20 to 30"]);
