@@ -109,6 +109,9 @@ fn wrong_values_are_named_with_line_column_and_field() {
     spoiled("-8.0, 0.5", "NaN, 0.5", (12, "NaN"), "bounds.min[0]", &["NaN"]);
     spoiled("2.5", "0.0", (16, "0.0, position"), "paths[\"tour\"][1].time", &["later"]);
     spoiled("1.7, 5.0", "1.7, inf", (16, "inf"), "paths[\"tour\"][1].position[2]", &["inf"]);
+    let twice = "        ],\n        \"tour\": [(time: 0.0, position: (0, 1, 6), look_at: (0, 1, 0))],\n    },\n)";
+    let end = "        ],\n    },\n)";
+    spoiled(end, twice, (14, "["), "paths[\"tour\"]", &["two of this name"]);
     let keys = &VALID[VALID.find("(time: 0.0").unwrap()..VALID.find("],\n    },").unwrap()];
     spoiled(keys, "", (14, "["), "paths[\"tour\"]", &["no keys"]);
 }
