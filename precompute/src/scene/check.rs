@@ -190,6 +190,10 @@ fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {
         previous = Some(key.time);
         finite(&of("position"), key.position)?;
         finite(&of("look_at"), key.look_at)?;
+        if key.look_at == key.position {
+            let problem = "is the camera's own position, and gives no direction";
+            return invalid(of("look_at"), problem, "give the point in the middle of the image");
+        }
     }
     Ok(())
 }

@@ -109,6 +109,10 @@ fn wrong_values_are_named_with_line_column_and_field() {
     spoiled("-8.0, 0.5", "NaN, 0.5", (12, "NaN"), "bounds.min[0]", &["NaN"]);
     spoiled("2.5", "0.0", (16, "0.0, position"), "paths[\"tour\"][1].time", &["later"]);
     spoiled("1.7, 5.0", "1.7, inf", (16, "inf"), "paths[\"tour\"][1].position[2]", &["inf"]);
+    let looks_at = "position: (0.0, 1.7, 5.0), look_at: (0.0, 1.5, 0.0)";
+    let itself = "position: (0.0, 1.7, 5.0), look_at: (0.0, 1.7, 5.0)";
+    let field = "paths[\"tour\"][1].look_at";
+    spoiled(looks_at, itself, (16, "(0.0, 1.7, 5.0))"), field, &["no direction", "middle"]);
     let twice = "        ],\n        \"tour\": [(time: 0.0, position: (0, 1, 6), look_at: (0, 1, 0))],\n    },\n)";
     let end = "        ],\n    },\n)";
     spoiled(end, twice, (14, "["), "paths[\"tour\"]", &["two of this name"]);
