@@ -199,7 +199,14 @@ fn missing_and_broken_files_are_named_at_their_field() {
     std::fs::write(&file, text.replace("sky.hdr", "sky.exr")).unwrap();
     let sky = image::Rgb32FImage::from_pixel(4, 2, image::Rgb([1.0; 3]));
     sky.save(folder.path().join("sky.exr")).unwrap();
-    assert_eq!(load(&file).unwrap().sky().unwrap().expect("a map").size(), (4, 2));
+    let scene = load(&file).unwrap();
+    assert_eq!(scene.sky().unwrap().expect("a map").size(), (4, 2));
+    assert!(scene.gaps.is_empty(), "{:?}", scene.gaps);
+    // A mirror ball, or the faces of a cube side by side.
+    let sky = image::Rgb32FImage::from_pixel(4, 4, image::Rgb([1.0; 3]));
+    sky.save(folder.path().join("sky.exr")).unwrap();
+    let gaps = load(&file).unwrap().gaps;
+    assert!(gaps.len() == 1 && gaps[0].contains("4×4 texels"), "{gaps:?}");
 }
 
 #[test]
