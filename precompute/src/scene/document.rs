@@ -206,7 +206,7 @@ fn attributes(document: &Document, gaps: &mut Vec<String>) -> Result<(), String>
 }
 
 /// Adds a gap with the first of the names, if there are any.
-fn name_all(what: &str, names: &BTreeSet<String>, gaps: &mut Vec<String>) {
+pub(super) fn name_all(what: &str, names: &BTreeSet<String>, gaps: &mut Vec<String>) {
     let shown: Vec<&str> = names.iter().take(NAMES_SHOWN).map(String::as_str).collect();
     let more = match names.len() - shown.len() {
         0 => String::new(),

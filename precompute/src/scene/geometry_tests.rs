@@ -238,6 +238,15 @@ fn missing_images_are_named_and_the_rest_is_read() {
         read_file("test.gltf", with_image("no%20such.png").as_bytes(), &[]).unwrap();
     assert_eq!((geometry.triangle_count(), geometry.textures.len()), (2, 0));
     assert!(gaps.iter().any(|gap| gap.contains("no such.png")), "{gaps:?}");
+    // All in one line.
+    let both = format!(r#"{material},"emissiveTexture":{{"index":1}}"#);
+    let json_of_two = with_image("one.png")
+        .replace(material, &both)
+        .replace(r#"[{"source":0}]"#, r#"[{"source":0},{"source":1}]"#)
+        .replace(r#""images":["#, r#""images":[{"uri":"two.png"},"#);
+    let (_, gaps) = read_file("test.gltf", json_of_two.as_bytes(), &[]).unwrap();
+    assert!(gaps.len() == 1, "{gaps:?}");
+    assert!(gaps[0].contains("one.png") && gaps[0].contains("two.png"), "{gaps:?}");
     // It is there, in a format without a loader.
     let others: &[(&str, &[u8])] = &[("wall.tga", b"no")];
     let (_, gaps) = read_file("test.gltf", with_image("wall.tga").as_bytes(), others).unwrap();
