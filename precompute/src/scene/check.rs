@@ -164,7 +164,7 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
         number(&of("outer_angle"), outer_angle, up_to(Included(90.0)), allowed)?;
         if inner_angle > outer_angle {
             let problem = format!("is {outer_angle}, less than inner_angle, {inner_angle}");
-            let remedy = "give an outer_angle of at least inner_angle";
+            let remedy = "give an inner_angle of at most that: its default is 30";
             return invalid(of("outer_angle"), problem, remedy);
         }
     }
@@ -190,6 +190,10 @@ fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {
         previous = Some(key.time);
         finite(&of("position"), key.position)?;
         finite(&of("look_at"), key.look_at)?;
+        if key.look_at == key.position {
+            let problem = "is the camera's own position, and gives no direction";
+            return invalid(of("look_at"), problem, "give the point in the middle of the image");
+        }
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use gltf::accessor::{DataType, Dimensions};
 use gltf::json::validation::{Error, Validate};
 use gltf::json::{Path, Root};
-use gltf::{Document, Gltf, Material, Semantic};
+use gltf::{Document, Gltf, Semantic};
 use percent_encoding::percent_decode_str;
 
 /// Extensions that Bevy's loader reads, or that are nothing to an image.
@@ -28,6 +28,8 @@ const READ: [&str; 12] = [
 const OPTIONAL: &str = "KHR_materials_";
 /// Required by files with integers as positions, which are refused one by one.
 const QUANTIZATION: &str = "KHR_mesh_quantization";
+/// Greatest number of names in a line.
+const NAMES_SHOWN: usize = 5;
 /// Extensions that give a texture another image.
 const IMAGES: [&str; 3] = ["EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
 
@@ -78,9 +80,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Checked, String> {
     let mut gaps = Vec::new();
     extensions(&document, &mut gaps);
     attributes(&document, &mut gaps)?;
-    for material in document.materials() {
-        texture_uses(&material, &mut gaps);
-    }
+    texture_uses(&document, &mut gaps);
     let lights = document.nodes().filter(|node| node.light().is_some()).count();
     for (count, what) in [(lights, "lights"), (document.animations().count(), "animations")] {
         if count > 0 {
@@ -101,8 +101,28 @@ pub(super) fn files(bytes: &[u8]) -> Vec<String> {
     let root = document.into_json();
     let buffers = root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
     let images = root.images.iter().filter_map(|image| image.uri.as_deref());
-    let decoded = |uri| percent_decode_str(uri).decode_utf8_lossy().into_owned();
-    buffers.chain(images).filter(|uri| !uri.starts_with("data:")).map(decoded).collect()
+    buffers.chain(images).filter_map(beside).collect()
+}
+
+/// The first buffer beside the file of `bytes`, in `folder`, that is shorter than that file says, as a
+/// sentence. Bevy's loader would draw what is left of it, without the missing indices.
+pub(super) fn short_buffer(bytes: &[u8], folder: &std::path::Path) -> Option<String> {
+    let root = Gltf::from_slice_without_validation(bytes).ok()?.document.into_json();
+    root.buffers.iter().find_map(|buffer| {
+        let name = beside(buffer.uri.as_deref()?)?;
+        // One that is missing is the loader's to name.
+        let found = std::fs::metadata(folder.join(&name)).ok()?.len();
+        let expected = buffer.byte_length.0;
+        (found < expected).then(|| {
+            format!("its buffer {name} is cut short or not downloaded: {found} bytes of {expected}")
+        })
+    })
+}
+
+/// The path of a file beside a glTF file; `None` of data in the file itself.
+fn beside(uri: &str) -> Option<String> {
+    let path = || percent_decode_str(uri).decode_utf8_lossy().into_owned();
+    (!uri.starts_with("data:")).then(path)
 }
 
 /// The first contradiction in the file.
@@ -181,11 +201,20 @@ fn attributes(document: &Document, gaps: &mut Vec<String>) -> Result<(), String>
             dropped.insert(format!("{} of {}", semantic.to_string(), name()));
         }
     }
-    if !dropped.is_empty() {
-        let dropped: Vec<String> = dropped.into_iter().collect();
-        gaps.push(format!("attributes that Bevy's loader does not read: {}", dropped.join(", ")));
-    }
+    name_all("attributes that Bevy's loader does not read", &dropped, gaps);
     Ok(())
+}
+
+/// Adds a gap with the first of the names, if there are any.
+pub(super) fn name_all(what: &str, names: &BTreeSet<String>, gaps: &mut Vec<String>) {
+    let shown: Vec<&str> = names.iter().take(NAMES_SHOWN).map(String::as_str).collect();
+    let more = match names.len() - shown.len() {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    if !shown.is_empty() {
+        gaps.push(format!("{what}: {}{more}", shown.join(", ")));
+    }
 }
 
 /// Whether Bevy's loader reads an attribute of this format, and whether its values are normalised.
@@ -208,34 +237,40 @@ fn is_read(semantic: &Semantic, format: (DataType, Dimensions, bool)) -> bool {
 }
 
 /// Texture coordinates that the loader does not follow.
-fn texture_uses(material: &Material, gaps: &mut Vec<String>) {
-    let surface = material.pbr_metallic_roughness();
-    let base = surface.base_color_texture();
-    let transform = |info: &gltf::texture::Info| {
-        info.texture_transform().map(|transform| {
-            (transform.offset(), transform.rotation().to_bits(), transform.scale())
-        })
-    };
-    let others = [surface.metallic_roughness_texture(), material.emissive_texture()];
-    let name = || {
-        material.name().map_or_else(
-            || material.index().map_or("default".into(), |index| format!("material {index}")),
-            str::to_owned,
-        )
-    };
-    for info in base.iter().chain(others.iter().flatten()) {
-        let moved = info.texture_transform().and_then(|transform| transform.tex_coord());
-        if info.tex_coord() > 1 || moved.is_some_and(|moved| moved != info.tex_coord()) {
-            gaps.push(format!(
-                "{}: Bevy's loader does not read the texture coordinates of one of its textures",
-                name()
-            ));
+fn texture_uses(document: &Document, gaps: &mut Vec<String>) {
+    let (mut unread, mut moved) = (BTreeSet::new(), BTreeSet::new());
+    for material in document.materials() {
+        let surface = material.pbr_metallic_roughness();
+        let base = surface.base_color_texture();
+        let others = [surface.metallic_roughness_texture(), material.emissive_texture()];
+        let name = || {
+            let number = material.index().unwrap_or_default();
+            material.name().map_or_else(|| format!("material {number}"), str::to_owned)
+        };
+        let is_unread = |info: &gltf::texture::Info| {
+            let other = info.texture_transform().and_then(|transform| transform.tex_coord());
+            info.tex_coord() > 1 || other.is_some_and(|other| other != info.tex_coord())
+        };
+        if base.iter().chain(others.iter().flatten()).any(is_unread) {
+            unread.insert(name());
+        }
+        let expected = movement(base.as_ref());
+        if others.iter().flatten().any(|info| movement(Some(info)) != expected) {
+            moved.insert(name());
         }
     }
-    let expected = base.as_ref().and_then(&transform);
-    if others.iter().flatten().any(|info| transform(info) != expected) {
-        gaps.push(format!("{}: Bevy moves all its textures as its base colour", name()));
-    }
+    let what = "Bevy's loader does not read the texture coordinates of a texture of";
+    name_all(what, &unread, gaps);
+    name_all("Bevy moves all textures as the base colour's in", &moved, gaps);
+}
+
+/// Offset, rotation and scale of a texture. A transform that changes nothing is as good as none.
+fn movement(texture: Option<&gltf::texture::Info>) -> ([f32; 2], f32, [f32; 2]) {
+    texture
+        .and_then(|texture| texture.texture_transform())
+        .map_or(([0.0; 2], 0.0, [1.0; 2]), |transform| {
+            (transform.offset(), transform.rotation(), transform.scale())
+        })
 }
 
 #[cfg(test)]
@@ -261,6 +296,23 @@ mod tests {
         }
         let used = check(&file(r#","extensionsUsed":["EXT_mesh_gpu_instancing"]"#)).expect("used");
         assert!(used.gaps[0].contains("EXT_mesh_gpu_instancing"), "{:?}", used.gaps);
+    }
+
+    #[test]
+    fn many_names_are_counted() {
+        let mesh = r#"{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_2":1}}]}"#;
+        let material = r#"{"emissiveTexture":{"index":0,"texCoord":2}}"#;
+        let json = format!(
+            r#","meshes":[{}],"materials":[{}],"textures":[{{"source":0}}],"images":[{{"uri":"a.png"}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,1]}},
+             {{"bufferView":0,"componentType":5126,"count":3,"type":"VEC2"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}}],"buffers":[{{"uri":"a.bin","byteLength":36}}]"#,
+            [mesh; 7].join(","),
+            [material; 7].join(",")
+        );
+        let gaps = check(&file(&json)).expect("a valid file").gaps;
+        let is_short = |gap: &String| gap.ends_with(" 4 and 2 more");
+        assert!(gaps.len() == 2 && gaps.iter().all(is_short), "{gaps:?}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Reads a description's geometry: Bevy's loader in an app without a renderer, and then the same
 //! extraction as for any app.
 
+use std::path::Path;
 use std::time::Duration;
 
 use bevy::DefaultPlugins;
@@ -53,6 +54,11 @@ pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Che
     let (Geometry::Gltf(name) | Geometry::Procedural(name)) = &description.geometry;
     let bytes = file_bytes(description)?;
     let mut checked = document::check(&bytes).map_err(|problem| unusable(name, &problem))?;
+    let file = description.resolve(name);
+    let folder = file.parent().unwrap_or(Path::new(""));
+    if let Some(problem) = document::short_buffer(&bytes, folder) {
+        return Err(unusable(name, &problem));
+    }
     let mut app = app();
     spawn(app.world_mut(), description, checked.scene, None);
     let loaded = loop {
@@ -66,11 +72,13 @@ pub(super) fn read(description: &SceneDescription) -> Result<(SceneGeometry, Che
     // What was spawned in this update has its place in the next.
     app.update();
     let extracted = extract(app.world_mut(), None);
-    if extracted.geometry.triangle_count() == 0 {
-        return Err(unusable(name, "it has no triangles"));
-    }
     checked.gaps.extend(gaps);
     checked.gaps.extend(extracted.gaps);
+    if extracted.geometry.triangle_count() == 0 {
+        // It may have some that Bevy shows.
+        let left_out: Vec<String> = checked.gaps.iter().map(|gap| format!(" ({gap})")).collect();
+        return Err(unusable(name, &format!("it has no triangles to trace{}", left_out.concat())));
+    }
     Ok((extracted.geometry, checked))
 }
 

@@ -165,6 +165,8 @@ fn strips_and_mirrors_keep_their_fronts_and_others_are_named() {
     assert!(facing(&read_file("test.glb", &glb(&strip, &binary), &[]).unwrap().0));
     let lines = read_json(&QUAD.replace("\"mode\":4", "\"mode\":1")).unwrap_err();
     assert!(lines.contains("no triangles"), "{lines}");
+    let glass = read_json(&QUAD.replace("\"MASK\",\"alphaCutoff\":0.25", "\"BLEND\"")).unwrap_err();
+    assert!(glass.contains("no triangles to trace (blended surfaces are left out"), "{glass}");
     let fan = read_json(&QUAD.replace("\"mode\":4", "\"mode\":6")).unwrap_err();
     assert!(fan.contains("primitive mode"), "{fan}");
 }
@@ -200,6 +202,14 @@ fn textures_are_read_as_the_material_says() {
     let (_, gaps) =
         read_textured(&differing, r#","sampler":0"#, &format!("{sampler}{required}")).unwrap();
     assert!(gaps.iter().any(|gap| gap.contains("paint")), "{gaps:?}");
+    // One that changes nothing is as good as none.
+    let still = r#","extensions":{"KHR_texture_transform":{"scale":[1,1]}}"#;
+    let (plain, still) = (use_of(""), use_of(still));
+    let same = format!(
+        r#""pbrMetallicRoughness":{{"baseColorTexture":{plain}}},"emissiveTexture":{still}"#
+    );
+    let (_, gaps) = read_textured(&same, "", required).unwrap();
+    assert!(gaps.is_empty(), "{gaps:?}");
     let third = material.replace("\"texCoord\":1", "\"texCoord\":2");
     let (_, gaps) = read_textured(&third, "", required).unwrap();
     assert!(gaps.iter().any(|gap| gap.contains("texture coordinates")), "{gaps:?}");
@@ -228,6 +238,20 @@ fn missing_images_are_named_and_the_rest_is_read() {
         read_file("test.gltf", with_image("no%20such.png").as_bytes(), &[]).unwrap();
     assert_eq!((geometry.triangle_count(), geometry.textures.len()), (2, 0));
     assert!(gaps.iter().any(|gap| gap.contains("no such.png")), "{gaps:?}");
+    // All in one line.
+    let both = format!(r#"{material},"emissiveTexture":{{"index":1}}"#);
+    let json_of_two = with_image("one.png")
+        .replace(material, &both)
+        .replace(r#"[{"source":0}]"#, r#"[{"source":0},{"source":1}]"#)
+        .replace(r#""images":["#, r#""images":[{"uri":"two.png"},"#);
+    let (_, gaps) = read_file("test.gltf", json_of_two.as_bytes(), &[]).unwrap();
+    assert!(gaps.len() == 1, "{gaps:?}");
+    assert!(gaps[0].contains("one.png") && gaps[0].contains("two.png"), "{gaps:?}");
+    // It is there, in a format without a loader.
+    let others: &[(&str, &[u8])] = &[("wall.tga", b"no")];
+    let (_, gaps) = read_file("test.gltf", with_image("wall.tga").as_bytes(), others).unwrap();
+    let is_named = |gap: &String| gap.contains("cannot be read") && gap.contains("wall.tga");
+    assert!(gaps.iter().any(is_named), "{gaps:?}");
     // Names are percent-encoded.
     let mut picture = std::io::Cursor::new(Vec::new());
     let pixel = image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 4]));
@@ -331,6 +355,17 @@ fn files_cut_anywhere_are_refused() {
         let error = document::check(&whole[..length]).expect_err("cut short");
         assert!(length < 12 || error.contains("cut short"), "{length}: {error}");
     }
+}
+
+#[test]
+fn a_buffer_that_is_cut_short_is_named() {
+    let json = QUAD.replace("{\"byteLength\":72}", "{\"uri\":\"a%20b.bin\",\"byteLength\":72}");
+    let binary = quad_binary();
+    let read =
+        |length: usize| read_file("test.gltf", json.as_bytes(), &[("a b.bin", &binary[..length])]);
+    assert_eq!(read(72).unwrap().0.triangle_count(), 2);
+    let error = read(71).unwrap_err();
+    assert!(error.contains("a b.bin is cut short") && error.contains("71 bytes of 72"), "{error}");
 }
 
 #[test]

@@ -63,7 +63,18 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneEr
     let mut description: SceneDescription =
         options.from_str(text).map_err(|error| explain(text, path, &error))?;
     description.source = path.to_path_buf();
-    check::check(&description).map_err(|problem| locate_problem(text, path, problem))?;
+    let located = |problem| locate_problem(text, path, problem);
+    check::check(&description).map_err(located)?;
+    // Of two paths of one name the map has the last.
+    let values = locate::values(text);
+    for name in description.paths.keys() {
+        let field = format!("paths[{name:?}]");
+        if values.iter().filter(|value| value.field == field).count() > 1 {
+            let problem = "there are two of this name".to_owned();
+            let remedy = "give each path a name of its own".to_owned();
+            return Err(located(Problem { field, problem, remedy }));
+        }
+    }
     Ok(description)
 }
 

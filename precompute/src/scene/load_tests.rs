@@ -97,6 +97,8 @@ fn wrong_values_are_named_with_line_column_and_field() {
     spoiled("0.95, 0.88", "-0.95, 0.88", (4, "-0.95, 0.88"), "lights[0].color[1]", &["at least 0"]);
     spoiled("31.0", "-31.0", (5, "-31"), "lights[1].range", &["greater than 0"]);
     spoiled("35.0", "15.0", (7, "15.0"), "lights[2].outer_angle", &["inner_angle"]);
+    let (both, narrow) = ("inner_angle: 20.0, outer_angle: 35.0", "outer_angle: 29.0");
+    spoiled(both, narrow, (7, "29.0"), "lights[2].outer_angle", &["inner_angle", "default is 30"]);
     spoiled("35.0", "95.0", (7, "95.0"), "lights[2].outer_angle", &["90"]);
     spoiled("220.0", "inf", (9, "inf"), "environment[0][1]", &["nits"]);
     spoiled("12.0", "99", (10, "99"), "exposure_ev100", &["-20 to 30"]);
@@ -107,6 +109,13 @@ fn wrong_values_are_named_with_line_column_and_field() {
     spoiled("-8.0, 0.5", "NaN, 0.5", (12, "NaN"), "bounds.min[0]", &["NaN"]);
     spoiled("2.5", "0.0", (16, "0.0, position"), "paths[\"tour\"][1].time", &["later"]);
     spoiled("1.7, 5.0", "1.7, inf", (16, "inf"), "paths[\"tour\"][1].position[2]", &["inf"]);
+    let looks_at = "position: (0.0, 1.7, 5.0), look_at: (0.0, 1.5, 0.0)";
+    let itself = "position: (0.0, 1.7, 5.0), look_at: (0.0, 1.7, 5.0)";
+    let field = "paths[\"tour\"][1].look_at";
+    spoiled(looks_at, itself, (16, "(0.0, 1.7, 5.0))"), field, &["no direction", "middle"]);
+    let twice = "        ],\n        \"tour\": [(time: 0.0, position: (0, 1, 6), look_at: (0, 1, 0))],\n    },\n)";
+    let end = "        ],\n    },\n)";
+    spoiled(end, twice, (14, "["), "paths[\"tour\"]", &["two of this name"]);
     let keys = &VALID[VALID.find("(time: 0.0").unwrap()..VALID.find("],\n    },").unwrap()];
     spoiled(keys, "", (14, "["), "paths[\"tour\"]", &["no keys"]);
 }
@@ -190,7 +199,14 @@ fn missing_and_broken_files_are_named_at_their_field() {
     std::fs::write(&file, text.replace("sky.hdr", "sky.exr")).unwrap();
     let sky = image::Rgb32FImage::from_pixel(4, 2, image::Rgb([1.0; 3]));
     sky.save(folder.path().join("sky.exr")).unwrap();
-    assert_eq!(load(&file).unwrap().sky().unwrap().expect("a map").size(), (4, 2));
+    let scene = load(&file).unwrap();
+    assert_eq!(scene.sky().unwrap().expect("a map").size(), (4, 2));
+    assert!(scene.gaps.is_empty(), "{:?}", scene.gaps);
+    // A mirror ball, or the faces of a cube side by side.
+    let sky = image::Rgb32FImage::from_pixel(4, 4, image::Rgb([1.0; 3]));
+    sky.save(folder.path().join("sky.exr")).unwrap();
+    let gaps = load(&file).unwrap().gaps;
+    assert!(gaps.len() == 1 && gaps[0].contains("4×4 texels"), "{gaps:?}");
 }
 
 #[test]

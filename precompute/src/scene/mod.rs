@@ -78,6 +78,16 @@ impl Deref for LoadedScene {
 pub fn load(path: impl AsRef<Path>) -> Result<LoadedScene, SceneError> {
     let mut scene = LoadedScene::new(load::read(path.as_ref())?)?;
     scene.sky = scene.sky()?;
+    // One column is the same all around.
+    if let Some((width, height)) = scene.sky.as_ref().map(|sky| sky.size())
+        && width > 1
+        && width / 2 != height
+    {
+        scene.gaps.push(format!(
+            "the environment map has {width}×{height} texels, and is read as latitude and longitude, \
+             which has twice as many columns as rows"
+        ));
+    }
     Ok(scene)
 }
 

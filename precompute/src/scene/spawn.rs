@@ -1,6 +1,6 @@
 //! A description's geometry in an app, by Bevy's own glTF loader.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::path::Path;
 
 use bevy::app::PostUpdate;
@@ -19,6 +19,7 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::world_serialization::{WorldAsset, WorldAssetRoot, WorldInstanceReady};
 
 use super::description::{Geometry, SceneDescription, glb};
+use super::document::name_all;
 
 /// Folder of the scenes that come with the tool, among the app's embedded assets.
 const EMBEDDED_FOLDER: &str = "frugal_scenes";
@@ -128,7 +129,7 @@ fn finish_materials(
     if used.iter().any(is_loading) {
         return None;
     }
-    let mut missing = Vec::new();
+    let mut missing = BTreeSet::new();
     for id in used {
         let Some(mut material) = materials.get_mut(*id) else { continue };
         for slot in slots(&mut material) {
@@ -136,10 +137,7 @@ fn finish_materials(
                 slot.as_ref().and_then(|image| server.get_load_state(image))
             {
                 let path = slot.take().and_then(|image| Some(image.path()?.to_string()));
-                missing.push(format!(
-                    "an image is missing and read as white: {}",
-                    path.unwrap_or_default()
-                ));
+                missing.insert(path.unwrap_or_default());
             }
         }
         match exposure {
@@ -152,9 +150,9 @@ fn finish_materials(
             }
         }
     }
-    missing.sort();
-    missing.dedup();
-    Some(missing)
+    let mut gaps = Vec::new();
+    name_all("images that are missing, or cannot be read, and are white", &missing, &mut gaps);
+    Some(gaps)
 }
 
 fn slots(material: &mut StandardMaterial) -> [&mut Option<Handle<Image>>; 5] {

@@ -9,7 +9,7 @@ use bevy::light::{
     AmbientLight, AtmosphereEnvironmentMapLight, EnvironmentMapLight, GeneratedEnvironmentMapLight,
     GlobalAmbientLight, Skybox, VolumetricFog,
 };
-use bevy::math::{Quat, Vec2, Vec3};
+use bevy::math::{DVec3, Quat, Vec2, Vec3};
 use bevy::pbr::DistanceFog;
 use frugal_trace::scene::{Filter, SceneTexture, SkyMap, Wrap};
 
@@ -19,6 +19,8 @@ use super::{ExtractedSky, Gaps};
 
 /// Columns of an extracted sky; half as many rows.
 const COLUMNS: u32 = 512;
+/// Most look-ups of a texel along each axis: more would take seconds.
+const MOST_STEPS: u32 = 8;
 
 /// Whether a camera has an environment map that sends light, be it readable or not. Bevy makes one of
 /// the generated kinds where there is no other.
@@ -115,13 +117,22 @@ fn map(world: &World, cube: &Handle<Image>, rotation: Quat) -> Result<SkyMap, Un
         })
         .collect::<Result<Vec<SceneTexture>, Unreadable>>()
         .map_err(|_| "skies of compressed or unusual formats are left out")?;
+    // A texel covers several of a fine cube, of which one may be the sun.
+    let steps = (8 * edge / COLUMNS).clamp(1, MOST_STEPS);
+    let place = |texel: u32, step: u32| texel as f32 + (step as f32 + 0.5) / steps as f32;
     let texel = |column: u32, row: u32| {
-        let angle = ((column as f32 + 0.5) / COLUMNS as f32 - 0.5) * std::f32::consts::TAU;
-        let (sine, cosine) =
-            ((row as f32 + 0.5) / (COLUMNS / 2) as f32 * std::f32::consts::PI).sin_cos();
-        let direction = Vec3::new(sine * angle.sin(), cosine, -sine * angle.cos());
-        let [red, green, blue, _] = look_up(&faces, rotation.inverse() * direction);
-        [red, green, blue].map(|value| if value.is_finite() { value.max(0.0) } else { 0.0 })
+        let sum: DVec3 = (0..steps * steps)
+            .map(|step| {
+                let (x, y) = (place(column, step % steps), place(row, step / steps));
+                let angle = (x / COLUMNS as f32 - 0.5) * std::f32::consts::TAU;
+                let (sine, cosine) = (y / (COLUMNS / 2) as f32 * std::f32::consts::PI).sin_cos();
+                let direction = Vec3::new(sine * angle.sin(), cosine, -sine * angle.cos());
+                let [red, green, blue, _] = look_up(&faces, rotation.inverse() * direction);
+                let valid = |value: f32| if value.is_finite() { value.max(0.0) } else { 0.0 };
+                Vec3::new(valid(red), valid(green), valid(blue)).as_dvec3()
+            })
+            .sum();
+        (sum / f64::from(steps * steps)).as_vec3().to_array()
     };
     let coordinates =
         (0..COLUMNS / 2).flat_map(|row| (0..COLUMNS).map(move |column| (column, row)));

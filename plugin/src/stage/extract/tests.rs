@@ -413,6 +413,40 @@ fn a_sky_has_its_directions() {
 }
 
 #[test]
+fn a_small_sun_in_a_fine_sky_keeps_its_light() {
+    use std::f64::consts::{PI, TAU};
+    let (edge, nits) = (512, 1e4_f32);
+    let mut texels = vec![[0.0_f32, 0.0, 0.0, 1.0]; 6 * edge * edge];
+    // Beside the middle of the first face.
+    texels[edge / 2 * edge + edge / 2][0] = nits;
+    let size = Extent3d { width: 512, height: 512, depth_or_array_layers: 6 };
+    let image = Image::new(
+        size,
+        TextureDimension::D2,
+        texels.into_iter().flatten().flat_map(f32::to_le_bytes).collect(),
+        TextureFormat::Rgba32Float,
+        RenderAssetUsages::default(),
+    );
+    let mut world = world();
+    let specular_map = world.resource_mut::<Assets<Image>>().add(image);
+    let light = EnvironmentMapLight { specular_map, intensity: 1.0, ..Default::default() };
+    let camera = world.spawn(light).id();
+    let ExtractedSky::Map(map, _) = extract(&mut world, Some(camera)).sky else { panic!() };
+    let (width, height) = map.size();
+    let (across, down) = (TAU / f64::from(width), PI / f64::from(height));
+    let texels = (0..).zip(map.texels());
+    let light: f64 = texels
+        .map(|(i, texel): (u32, _)| {
+            let sine = ((f64::from(i / width) + 0.5) * down).sin();
+            f64::from(texel[0]) * across * down * sine
+        })
+        .sum();
+    // In the middle of a face, whose half is 1 wide at the distance of 1.
+    let expected = f64::from(nits) * (2.0 / edge as f64).powi(2);
+    assert!((0.5..2.0).contains(&(light / expected)), "{light} {expected}");
+}
+
+#[test]
 fn an_environment_map_is_there_where_it_cannot_be_read_and_ambient_light_is_none() {
     let mut world = world();
     let map = |intensity| EnvironmentMapLight { intensity, ..Default::default() };

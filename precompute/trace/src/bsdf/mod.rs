@@ -9,7 +9,8 @@
 //! Differences from Bevy: there is no compensation for the energy that single scattering between
 //! facets loses (Bevy scales the lobe by a fitted factor: within 2 % for dielectrics, more for
 //! rough metals). As in Bevy, the diffuse lobe is not reduced by the specular reflectance, so that
-//! a white, glossy dielectric reflects a little more than it receives.
+//! a white dielectric reflects more than it receives: 3 % with a perceptual roughness of 0.5, 8 % with 1.
+//! All bounces in a closed room of it have no limit.
 
 mod surface;
 

@@ -11,6 +11,8 @@ use crate::sampler::Sampler;
 
 /// Hits before Russian roulette begins, for paths of unlimited length.
 pub(crate) const CERTAIN_SURFACES: u32 = 4;
+/// The same for paths of limited length: those of few bounces need no roulette, and many must end.
+pub(super) const CERTAIN_OF_LIMITED: u32 = 32;
 /// Greatest survival probability: even where nothing is absorbed, a path ends.
 pub(crate) const GREATEST_SURVIVAL: f64 = 0.95;
 

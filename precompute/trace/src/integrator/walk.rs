@@ -4,8 +4,8 @@
 use glam::{DVec3, Vec3};
 
 use super::path::{
-    Arrival, CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL, Record, extended, per_steradian,
-    punctual,
+    Arrival, CERTAIN_OF_LIMITED, CERTAIN_SURFACES, Estimate, GREATEST_SURVIVAL, Record, extended,
+    per_steradian, punctual,
 };
 use super::{ReferenceScene, Settings};
 use crate::bsdf::{Bsdf, Surface};
@@ -153,11 +153,12 @@ impl Walk {
             surfaces: self.surfaces + 1,
             ..*self
         };
-        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length are
-        // short and need no Russian roulette.
-        if settings.bounces.is_some() || walk.surfaces < CERTAIN_SURFACES {
+        let is_limited = settings.bounces.is_some();
+        let certain = if is_limited { CERTAIN_OF_LIMITED } else { CERTAIN_SURFACES };
+        if walk.surfaces < certain {
             return Some(walk);
         }
+        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis".
         let reflectance = (walk.throughput / walk.odds).max_element();
         walk.survives(reflectance.min(GREATEST_SURVIVAL), sampler)
     }

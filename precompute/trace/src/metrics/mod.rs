@@ -58,7 +58,10 @@ impl Radiance {
     pub fn read_exr(path: &Path) -> Result<Self, RadianceError> {
         let bytes = std::fs::read(path)
             .map_err(|source| RadianceError::Unreadable { path: path.to_owned(), source })?;
-        let picture = ImageReader::with_format(Cursor::new(bytes), ImageFormat::OpenExr)
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::OpenExr);
+        // By default it refuses more than 512 MiB, which `frugal` itself writes.
+        reader.no_limits();
+        let picture = reader
             .decode()
             .map_err(|source| RadianceError::Malformed { path: path.to_owned(), source })?
             .into_rgb32f();
@@ -127,6 +130,23 @@ mod tests {
         let file = folder.path().join("light.exr");
         std::fs::write(&file, ramp(7, 5).to_exr().unwrap()).unwrap();
         assert_eq!(Radiance::read_exr(&file).unwrap(), ramp(7, 5));
+    }
+
+    #[test]
+    fn no_size_is_too_large() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("light.exr");
+        let mut bytes = ramp(1, 1).to_exr().unwrap();
+        // 8192 × 8192 pixels by its header; without its end, so that none is read.
+        let name = b"displayWindow\0box2i\0";
+        let at = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len();
+        // A length, the least corner, and the greatest.
+        for greatest in [at + 12, at + 16] {
+            bytes[greatest..greatest + 4].copy_from_slice(&8191_i32.to_le_bytes());
+        }
+        std::fs::write(&file, &bytes[..bytes.len() - 1]).unwrap();
+        let error = Radiance::read_exr(&file).unwrap_err().to_string();
+        assert!(!error.contains("limit"), "{error}");
     }
 
     #[test]

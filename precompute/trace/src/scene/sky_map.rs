@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::Vec3;
-use image::{DynamicImage, ImageReader};
+use image::{DynamicImage, ImageError, ImageReader};
 use serde::{Deserialize, Serialize};
 
 /// What to do about an image of another kind.
@@ -54,6 +54,10 @@ impl SkyMap {
             Ok(_) => {
                 let problem = "its values are integers for a screen, not linear radiance";
                 return fail(problem.to_owned(), ANOTHER);
+            }
+            Err(ImageError::Limits(_)) => {
+                let problem = "its texels take more than 512 MiB";
+                return fail(problem.to_owned(), "make it smaller: 8192 × 4096 texels suffice");
             }
             Err(error) => return fail(error.to_string(), ANOTHER),
         };
@@ -145,10 +149,13 @@ mod tests {
         floats(-1.0).save(at("negative.exr")).unwrap();
         image::RgbImage::new(4, 2).save(at("sky.png")).unwrap();
         std::fs::write(at("broken.hdr"), "no").unwrap();
+        let huge = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 32768\n";
+        std::fs::write(at("huge.hdr"), huge).unwrap();
         for (name, words) in [
             ("missing.hdr", ["cannot be read", "check the path"]),
             ("broken.hdr", ["broken.hdr", "give a Radiance .hdr"]),
             ("sky.png", ["not linear radiance", "give a Radiance .hdr"]),
+            ("huge.hdr", ["512 MiB", "make it smaller"]),
             ("negative.exr", ["negative", "write it anew"]),
         ] {
             let error = SkyMap::read(&at(name)).unwrap_err().to_string();

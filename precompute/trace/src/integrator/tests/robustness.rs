@@ -65,6 +65,24 @@ fn an_interrupted_image_is_none() {
 }
 
 #[test]
+fn paths_of_very_many_bounces_end() {
+    /// Surfaces of a path.
+    struct Surfaces(u32);
+    impl path::Record for Surfaces {
+        fn met(&mut self, _: f64) {
+            self.0 += 1;
+        }
+    }
+    let white = geometry(diffuse(), |builder| builder.room(Vec3::splat(-1.0), Vec3::ONE));
+    let (scene, settings) = (scene(white, &[], Sky::Black), lambertian(Some(100_000)));
+    for i in 0..64 {
+        let (mut sampler, mut met) = (Sampler::new(0, i, 0), Surfaces(0));
+        path::trace(&scene, &settings, None, Vec3::ZERO, DVec3::X, &mut sampler, &mut met);
+        assert!(met.0 < 1000, "{} surfaces", met.0);
+    }
+}
+
+#[test]
 fn an_empty_scene_shows_its_sky() {
     let view = view(Vec3::ZERO, Vec3::X, 3, 2);
     for (sky, expected) in [(Sky::Black, 0.0), (Sky::Constant(DVec3::splat(5.0)), 5.0)] {
