@@ -31,7 +31,7 @@ use crate::gi::vpl::{
 use crate::gi::{composite, denoise};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 17] = [
+pub const STRUCT_BYTES: [(&str, u64); 16] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     trace::STRUCT_BYTES[0],
@@ -39,7 +39,6 @@ pub const STRUCT_BYTES: [(&str, u64); 17] = [
     trace::STRUCT_BYTES[2],
     ("ImportancePoint", IMPORTANCE_POINT_BYTES),
     ("Patch", size_of::<Patch>() as u64),
-    ("PatchLight", bounces::PATCH_LIGHT_BYTES),
     ("Plan", size_of::<VplPlan>() as u64),
     ("Row", size_of::<TexelRow>() as u64),
     ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),

@@ -11,7 +11,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
 use super::BounceKernels;
-use super::choice::{PATCHES, Patch};
+use super::choice::{PATCHES, Patches};
 use super::patches::GiPatches;
 use crate::cut::Jumps;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
@@ -25,10 +25,9 @@ use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
     VplPlan { interleave: 1, sets: 1, per_set: 1024, sky_samples: 0, sequence: 0, cell: [1; 2] };
 
-/// Bytes of `bounces/reflect.wgsl`'s `PatchLight`. A test compares it with the shader.
-pub(in crate::gi) const PATCH_LIGHT_BYTES: u64 = 48;
-/// Rounds where all bounces are asked for. Fewer: the rest of the series is guessed before its rounds
-/// differ by a factor. More: proportionally more rays.
+/// Bytes of a patch's light of one round.
+const LIGHT_BYTES: u64 = 16;
+/// Rounds where all bounces are asked for: `reflect.wgsl` compares the second's light with the first's.
 const ROUNDS_OF_ALL: u32 = 2;
 /// Bound on the ratio of a bounce's light to that of the bounce before, where all are asked for: a
 /// white closed room's light is no more than ten times that of its last round.
@@ -65,14 +64,14 @@ pub struct GiBouncesState {
 #[derive(Component)]
 pub(crate) struct BounceCamera {
     /// The content of `patches`.
-    held: Arc<Vec<Patch>>,
+    held: Arc<Patches>,
     pub(super) patches: Buffer,
     /// The bounce VPLs.
     pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
     /// VPLs of the patches' own light, for further rounds.
     pub(super) emitters: Buffer,
-    /// `bounces/reflect.wgsl`'s `PatchLight`s.
+    /// What patches reflected in the last round.
     pub(super) light: Buffer,
     /// `vpl/vpl.wgsl`'s `ImportancePoints`: patches that stand for all.
     pub(super) importance: Buffer,
@@ -100,25 +99,24 @@ impl LightInputs {
 
 impl BounceCamera {
     /// Buffers for patches that are due to reflect.
-    fn new(device: &RenderDevice, patches: &Arc<Vec<Patch>>, inputs: LightInputs) -> Self {
+    fn new(device: &RenderDevice, patches: &Arc<Patches>, inputs: LightInputs) -> Self {
         let (storage, uniform) = (BufferUsages::STORAGE, BufferUsages::UNIFORM);
         let filled = |label, contents: &[u8], usage| filled_buffer(device, label, contents, usage);
         let empty = |label, size, usage| empty_buffer(device, label, size, usage);
         let vpl_bytes = u64::from(BOUNCE_VPLS.count()) * VPL_BYTES;
         let vpl_usage = storage | uniform | BufferUsages::COPY_SRC;
-        let light_usage = storage | BufferUsages::COPY_DST;
         Self {
             held: Arc::clone(patches),
-            patches: filled("frugal_gi/bounces/patches", bytemuck::cast_slice(patches), storage),
+            patches: filled(
+                "frugal_gi/bounces/patches",
+                bytemuck::cast_slice(&patches.patches),
+                storage,
+            ),
             bounce_vpls: empty("frugal_gi/bounces/bounce_vpls", vpl_bytes, vpl_usage),
             plan: filled("frugal_gi/bounces/plan", bytemuck::bytes_of(&BOUNCE_VPLS), storage),
             importance: empty("frugal_gi/bounces/importance", IMPORTANCE_POINTS_BYTES, storage),
             emitters: empty("frugal_gi/bounces/emitters", PATCHES as u64 * VPL_BYTES, storage),
-            light: empty(
-                "frugal_gi/bounces/light",
-                PATCHES as u64 * PATCH_LIGHT_BYTES,
-                light_usage,
-            ),
+            light: empty("frugal_gi/bounces/light", PATCHES as u64 * LIGHT_BYTES, storage),
             range: filled("frugal_gi/bounces/range", &inputs.range_bytes(), uniform),
             inputs,
             is_due: true,
@@ -146,7 +144,7 @@ impl BounceCamera {
 
     /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
     pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<TexelRow>) {
-        TexelRow::add_scattered(rows, self.inputs.first_texel, PATCHES as u32);
+        TexelRow::add_patches(rows, self.inputs.first_texel, PATCHES as u32);
     }
 }
 
@@ -195,25 +193,36 @@ pub(in crate::gi) fn prepare(
             shading: gi.shading,
         };
         // A new range holds other texels, which would be sampled if the patches cannot reflect in
-        // this frame.
-        let clear = || {
-            let nothing = vec![0; PATCHES * TEXEL_BYTES as usize];
-            queue.write_buffer(&texels, u64::from(first_texel) * TEXEL_BYTES, &nothing);
+        // this frame. Their further places lie behind them.
+        let write = |first_byte: usize, bytes: &[u8]| {
+            queue.write_buffer(
+                &texels,
+                u64::from(first_texel) * TEXEL_BYTES + first_byte as u64,
+                bytes,
+            );
         };
+        let own_bytes = PATCHES * TEXEL_BYTES as usize;
+        let write_further = || write(own_bytes, bytemuck::cast_slice(&patches.further));
+        let clear = || write(0, &vec![0; own_bytes]);
         if let Some(mut held) = held {
-            if !Arc::ptr_eq(&held.held, patches) {
-                let bytes: &[u8] = bytemuck::cast_slice(patches);
+            let is_other = !Arc::ptr_eq(&held.held, patches);
+            if is_other {
+                let bytes: &[u8] = bytemuck::cast_slice(&patches.patches);
                 queue.write_buffer(&held.patches, 0, bytes);
-                store.uploaded += bytes.len() as u64;
+                store.uploaded += (bytes.len() + own_bytes) as u64;
             }
             let place = |inputs: &LightInputs| (inputs.store, inputs.first_texel);
-            if place(&held.inputs) != place(&inputs) {
+            let has_moved = place(&held.inputs) != place(&inputs);
+            if has_moved {
                 clear();
+            }
+            if is_other || has_moved {
+                write_further();
             }
             if held.inputs.range_bytes() != inputs.range_bytes() {
                 queue.write_buffer(&held.range, 0, &inputs.range_bytes());
             }
-            let is_same = Arc::ptr_eq(&held.held, patches) && held.inputs == inputs;
+            let is_same = !is_other && held.inputs == inputs;
             let is_done = held.is_done.load(Ordering::Relaxed);
             // Other samples of the sky may have lit them: after a cut nothing may depend on those.
             let is_cut = jumps.cuts.contains(&main_entity.id());
@@ -223,6 +232,7 @@ pub(in crate::gi) fn prepare(
             continue;
         }
         clear();
+        write_further();
         let camera = BounceCamera::new(&device, patches, inputs);
         commands.entity(entity).insert(camera);
     }

@@ -5,8 +5,8 @@
 //! flux and by importance to the patches. For each further bounce the patches light one another by
 //! what they reflected in the round before. The sum over the rounds (the Neumann series of the
 //! radiosity equation: Goral et al. 1984) becomes a texel behind those of the maps and of emissive
-//! surfaces, and is treated like theirs. Where all bounces are asked for, the series is ended as a
-//! geometric one.
+//! surfaces, and is treated like theirs, but that its VPLs spread over further places of the patch.
+//! Where all bounces are asked for, the series is ended as a geometric one.
 //!
 //! | file | world | job |
 //! |---|---|---|
@@ -49,7 +49,7 @@ use super::vpl::{SampleInputs, VplKernels, VplView};
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
 use camera::LightInputs;
-pub(super) use camera::{BOUNCE_VPLS, PATCH_LIGHT_BYTES, prepare};
+pub(super) use camera::{BOUNCE_VPLS, prepare};
 pub(super) use choice::{PATCHES, Patch};
 pub use patches::GiPatches;
 
@@ -116,7 +116,7 @@ impl FromWorld for BounceKernels {
         let picking = BindGroupLayoutEntries::sequential(compute, (read(), write()));
         let emitting = BindGroupLayoutEntries::with_indices(
             compute,
-            ((1, write()), (2, read()), (3, write())),
+            ((1, write()), (2, read()), (3, write()), (6, uniform()), (7, write())),
         );
         let view = || uniform_buffer::<ViewUniform>(true);
         let by_vpls =
@@ -235,6 +235,8 @@ pub(super) fn reflect(
         (1, emitters.clone()),
         (2, patches.clone()),
         (3, light.clone()),
+        (6, camera.range.as_entire_binding()),
+        (7, texels.as_entire_binding()),
     ));
     let emitting = kernels.emit.bind(&context, &cache, &emitting);
     let entries = DynamicBindGroupEntries::sequential((
@@ -262,8 +264,7 @@ pub(super) fn reflect(
     let summing = kernels.sum.bind(&context, &cache, &summing);
     // In the first round patches emit nothing yet.
     let first_byte = u64::from(first_texel) * TEXEL_BYTES;
-    let clears =
-        [(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES)), (&camera.light, 0, None)];
+    let clears = [(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES))];
     compute_pass(&mut context, "frugal_gi/bounces", &clears, |pass| {
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);

@@ -39,19 +39,9 @@ struct Patch {
 struct PatchRange {
     /// Index of the first patch's texel in the store.
     first_texel: u32,
-    /// Largest ratio of a round's light to that of the round before: 0 where rounds that are not run do
-    /// not count.
+    /// Largest ratio of the second round's light to the first's: 0 where rounds that are not run do not
+    /// count.
     largest_ratio: f32,
-}
-
-/// What a patch reflected, lumens.
-struct PatchLight {
-    /// In all rounds.
-    total: vec3<f32>,
-    /// In the last round.
-    last: vec3<f32>,
-    /// In the round before.
-    before: vec3<f32>,
 }
 
 // To pick importance points.
@@ -65,7 +55,8 @@ struct PatchLight {
 @group(0) @binding(1) var<uniform> sources: array<Vpl, BOUNCE_VPLS>;
 #endif
 @group(0) @binding(2) var<storage, read> patches: array<Patch>;
-@group(0) @binding(3) var<storage, read_write> light: array<PatchLight>;
+/// What patches reflected in the last round, lumens.
+@group(0) @binding(3) var<storage, read_write> light: array<vec3<f32>>;
 #ifdef SKY
 @group(0) @binding(4) var<storage, read> sky_samples: array<SkyLight>;
 @group(0) @binding(5) var<storage, read> plan: Plan;
@@ -73,6 +64,7 @@ struct PatchLight {
 // To make VPLs of patches, and to sum up.
 @group(0) @binding(1) var<storage, read_write> emitters: array<Vpl>;
 @group(0) @binding(6) var<uniform> range: PatchRange;
+/// Until the sum, the flux of a patch's texel is that of the rounds before the last.
 @group(0) @binding(7) var<storage, read_write> texels: array<Texel>;
 
 /// Area that an importance point represents, as a share of the area of all patches from one picked
@@ -127,7 +119,7 @@ fn patch_normal(own: Patch) -> vec3<f32> {
     return texel_normal(texel);
 }
 
-/// One thread per patch: a VPL of its light of the last round.
+/// One thread per patch: a VPL of its light of the last round, which joins that of the rounds before.
 @compute @workgroup_size(64)
 fn emit_patches(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&patches) {
@@ -139,9 +131,10 @@ fn emit_patches(@builtin(global_invocation_id) id: vec3<u32>) {
     vpl.normal = patch_normal(own);
     vpl.texel_width = sqrt(clamp(own.area, 0.0, 1e18));
     vpl.largest_geometry_term = bound_of(own.area);
-    vpl.flux = light[id.x].last;
+    vpl.flux = light[id.x];
     vpl.visibility = 1.0;
     emitters[id.x] = vpl;
+    texels[range.first_texel + id.x].flux += light[id.x];
 }
 
 @compute @workgroup_size(LANES, GROUP_PATCHES)
@@ -195,14 +188,12 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_
     }
     let share = min(scattered_share(vec4(own.color, 0u, own.properties, 0u), MEAN_COSINE), vec3(1.0));
     let flux = incident * 0.31830987 * own.area * share;
-    let before = light[index];
     // Not where it is not a number.
-    let last = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
-    light[index] = PatchLight(before.total + last, last, before.last);
+    light[index] = select(vec3(0.0), min(flux, vec3(MAX_FLUX)), flux >= vec3(0.0));
 }
 
 const SUM_LANES: u32 = 256u;
-/// Flux of all patches in the last round, and in the one before; scaled, so that sums stay finite.
+/// Flux of all patches in the last round, and in those before; scaled, so that sums stay finite.
 var<workgroup> last_sums: array<vec3<f32>, 256>;
 var<workgroup> before_sums: array<vec3<f32>, 256>;
 
@@ -214,8 +205,8 @@ fn sum_rounds(@builtin(local_invocation_index) lane: u32) {
     var last = vec3(0.0);
     var before = vec3(0.0);
     for (var i = lane; i < count; i += SUM_LANES) {
-        last += light[i].last * 1e-5;
-        before += light[i].before * 1e-5;
+        last += light[i] * 1e-5;
+        before += texels[range.first_texel + i].flux * 1e-5;
     }
     last_sums[lane] = last;
     before_sums[lane] = before;
@@ -234,7 +225,7 @@ fn sum_rounds(@builtin(local_invocation_index) lane: u32) {
         texel.position = patches[i].position;
         texel.area = patches[i].area;
         texel.packed_normal = patches[i].packed_normal;
-        texel.flux = min(light[i].total + light[i].last * rest, vec3(MAX_FLUX));
+        texel.flux = min(texels[range.first_texel + i].flux + light[i] * (1.0 + rest), vec3(MAX_FLUX));
         texels[range.first_texel + i] = texel;
     }
 }
