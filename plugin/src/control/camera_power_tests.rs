@@ -253,6 +253,7 @@ fn a_knob_of_the_app_is_agreed_on_and_paid_by_every_camera() {
     // For both 7 + 2 W at 0.05; at the highest level it would be 9 W at 0, and 1 + 2 W at 0.2.
     assert_eq!(powers(&mut app, 1.0, 3.0), [7.0, 2.0]);
     assert_eq!(powers(&mut app, 100.0, 3.0), [9.0, 3.0], "the other pays for it");
+    assert_eq!(powers(&mut app, f64::INFINITY, 3.0), [9.0, 3.0]);
     assert_eq!(powers(&mut app, 1.0, 4.0), [9.0, 4.0], "2 + 2 W, or 4 W of its own");
     // A limit is kept however much another camera would gain.
     assert_eq!(powers(&mut app, 1e6, 1.5), [7.0, 1.0]);

@@ -132,7 +132,7 @@ pub struct AppBudget {
 }
 
 /// How much a camera's error counts when an [`AppBudget`] is divided, beside its share of the
-/// pixels; at least 0, NaN counts as 1. Higher values give this camera more of the power; at 0 it
+/// pixels; 0 to 1e9, NaN counts as 1. Higher values give this camera more of the power; at 0 it
 /// gets the cheapest settings unless power is left over. Default: 1.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]

@@ -75,7 +75,8 @@ pub(super) fn weight_of(camera: Option<&Camera>, priority: Option<&CameraPriorit
     let size = camera.and_then(Camera::physical_viewport_size);
     let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
     let priority = priority.map_or(1.0, |priority| priority.0);
-    if priority.is_nan() { pixels } else { priority * pixels }
+    // Infinite weights would leave no difference between errors.
+    if priority.is_nan() { pixels } else { priority.clamp(0.0, 1e9) * pixels }
 }
 
 /// Levels of shared knobs that all cameras of a knob space get.
