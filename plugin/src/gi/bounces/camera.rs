@@ -11,7 +11,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
 use super::BounceKernels;
-use super::choice::{PATCHES, Patches};
+use super::choice::{PATCHES, Patch};
 use super::patches::GiPatches;
 use crate::cut::Jumps;
 use crate::gi::compute::{bytes_of, empty_buffer, filled_buffer};
@@ -64,7 +64,7 @@ pub struct GiBouncesState {
 #[derive(Component)]
 pub(crate) struct BounceCamera {
     /// The content of `patches`.
-    held: Arc<Patches>,
+    held: Arc<Vec<Patch>>,
     pub(super) patches: Buffer,
     /// The bounce VPLs.
     pub(super) bounce_vpls: Buffer,
@@ -99,7 +99,7 @@ impl LightInputs {
 
 impl BounceCamera {
     /// Buffers for patches that are due to reflect.
-    fn new(device: &RenderDevice, patches: &Arc<Patches>, inputs: LightInputs) -> Self {
+    fn new(device: &RenderDevice, patches: &Arc<Vec<Patch>>, inputs: LightInputs) -> Self {
         let (storage, uniform) = (BufferUsages::STORAGE, BufferUsages::UNIFORM);
         let filled = |label, contents: &[u8], usage| filled_buffer(device, label, contents, usage);
         let empty = |label, size, usage| empty_buffer(device, label, size, usage);
@@ -107,11 +107,7 @@ impl BounceCamera {
         let vpl_usage = storage | uniform | BufferUsages::COPY_SRC;
         Self {
             held: Arc::clone(patches),
-            patches: filled(
-                "frugal_gi/bounces/patches",
-                bytemuck::cast_slice(&patches.patches),
-                storage,
-            ),
+            patches: filled("frugal_gi/bounces/patches", bytemuck::cast_slice(patches), storage),
             bounce_vpls: empty("frugal_gi/bounces/bounce_vpls", vpl_bytes, vpl_usage),
             plan: filled("frugal_gi/bounces/plan", bytemuck::bytes_of(&BOUNCE_VPLS), storage),
             importance: empty("frugal_gi/bounces/importance", IMPORTANCE_POINTS_BYTES, storage),
@@ -144,7 +140,7 @@ impl BounceCamera {
 
     /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
     pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<TexelRow>) {
-        TexelRow::add_patches(rows, self.inputs.first_texel, PATCHES as u32);
+        TexelRow::add_scattered(rows, self.inputs.first_texel, PATCHES as u32);
     }
 }
 
@@ -193,36 +189,25 @@ pub(in crate::gi) fn prepare(
             shading: gi.shading,
         };
         // A new range holds other texels, which would be sampled if the patches cannot reflect in
-        // this frame. Their further places lie behind them.
-        let write = |first_byte: usize, bytes: &[u8]| {
-            queue.write_buffer(
-                &texels,
-                u64::from(first_texel) * TEXEL_BYTES + first_byte as u64,
-                bytes,
-            );
+        // this frame.
+        let clear = || {
+            let nothing = vec![0; PATCHES * TEXEL_BYTES as usize];
+            queue.write_buffer(&texels, u64::from(first_texel) * TEXEL_BYTES, &nothing);
         };
-        let own_bytes = PATCHES * TEXEL_BYTES as usize;
-        let write_further = || write(own_bytes, bytemuck::cast_slice(&patches.further));
-        let clear = || write(0, &vec![0; own_bytes]);
         if let Some(mut held) = held {
-            let is_other = !Arc::ptr_eq(&held.held, patches);
-            if is_other {
-                let bytes: &[u8] = bytemuck::cast_slice(&patches.patches);
+            if !Arc::ptr_eq(&held.held, patches) {
+                let bytes: &[u8] = bytemuck::cast_slice(patches);
                 queue.write_buffer(&held.patches, 0, bytes);
-                store.uploaded += (bytes.len() + own_bytes) as u64;
+                store.uploaded += bytes.len() as u64;
             }
             let place = |inputs: &LightInputs| (inputs.store, inputs.first_texel);
-            let has_moved = place(&held.inputs) != place(&inputs);
-            if has_moved {
+            if place(&held.inputs) != place(&inputs) {
                 clear();
-            }
-            if is_other || has_moved {
-                write_further();
             }
             if held.inputs.range_bytes() != inputs.range_bytes() {
                 queue.write_buffer(&held.range, 0, &inputs.range_bytes());
             }
-            let is_same = !is_other && held.inputs == inputs;
+            let is_same = Arc::ptr_eq(&held.held, patches) && held.inputs == inputs;
             let is_done = held.is_done.load(Ordering::Relaxed);
             // Other samples of the sky may have lit them: after a cut nothing may depend on those.
             let is_cut = jumps.cuts.contains(&main_entity.id());
@@ -232,7 +217,6 @@ pub(in crate::gi) fn prepare(
             continue;
         }
         clear();
-        write_further();
         let camera = BounceCamera::new(&device, patches, inputs);
         commands.entity(entity).insert(camera);
     }

@@ -8,16 +8,13 @@
 //! expectation of the sum over the selection is the sum over all points (up to one part in 2 ×
 //! count, since ranks here are stratified and not independent). Where something moves, appears or
 //! disappears, all other points keep their patches, except a few at the threshold.
-//!
-//! Points that come next lend their places to the patch that they lie beside: its light comes from
-//! there, too, so that fewer spots show in corners.
 
 use bevy::ecs::entity::Entity;
 use bevy::math::Vec3;
 use bytemuck::{Pod, Zeroable};
 
 use crate::gi::surfaces::MaterialSample;
-use crate::gi::texels::{Texel, pack_normal};
+use crate::gi::texels::pack_normal;
 
 /// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
 /// patch.
@@ -61,15 +58,6 @@ impl Patch {
     }
 }
 
-/// A camera's patches.
-#[derive(Clone, Debug, PartialEq)]
-pub(in crate::gi) struct Patches {
-    /// [`PATCHES`] of them, padded with patches without area.
-    pub patches: Vec<Patch>,
-    /// Two further places of each.
-    pub further: Vec<Texel>,
-}
-
 /// A point that may become a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Candidate<T> {
@@ -110,44 +98,6 @@ pub(super) fn choose<T: Copy>(
     let threshold = threshold.unwrap_or(0.0);
     let above = candidates.iter().filter(move |candidate| candidate.is_above(threshold));
     above.map(move |candidate| (candidate.point, candidate.area.max(threshold / candidate.density)))
-}
-
-/// Patches on either side, along a surface's curve, that a point may lie beside.
-const BESIDE: usize = 2;
-
-/// Two further places of each patch of a surface: points that are none, in its plane and no farther from it
-/// than it is wide. `points`: positions, normals, and the area of those that are patches, in their order.
-pub(super) fn further_places(points: &[(Vec3, Vec3, Option<f32>)]) -> Vec<[Vec3; 2]> {
-    let patches: Vec<(Vec3, Vec3, f32)> =
-        points.iter().filter_map(|(at, normal, area)| Some((*at, *normal, (*area)?))).collect();
-    let mut found: Vec<Vec<Vec3>> = vec![Vec::new(); patches.len()];
-    let mut passed = 0;
-    for (at, normal, area) in points {
-        if area.is_some() {
-            passed += 1;
-            continue;
-        }
-        let square_to = |index: usize| {
-            let (from, facing, area) = patches[index];
-            let way = *at - from;
-            let square = way.length_squared();
-            let is_beside = square <= area
-                && way.dot(facing).powi(2) <= 1e-4 * square
-                && normal.dot(facing) > 0.99;
-            is_beside.then_some((square, index))
-        };
-        let near = (passed.max(BESIDE) - BESIDE..(passed + BESIDE).min(patches.len()))
-            .filter_map(square_to);
-        if let Some((_, index)) = near.min_by(|a, b| a.0.total_cmp(&b.0))
-            && found[index].len() < 2
-        {
-            found[index].push(*at);
-        }
-    }
-    let places = patches.iter().zip(found).map(|((own, ..), found)| {
-        [found.first(), found.get(1)].map(|place| place.copied().unwrap_or(*own))
-    });
-    places.collect()
 }
 
 /// Ranks of the points of one surface, which lie along a space-filling curve: any run of them is

@@ -183,26 +183,3 @@ fn patches_stay_while_a_camera_moves_within_a_step() {
         );
     }
 }
-
-#[test]
-fn points_lend_their_places_to_the_patch_beside_them() {
-    let at = |x: f32| Vec3::X * x;
-    let point = |x, area| (at(x), Vec3::Y, area);
-    let row: Vec<_> = (0..9).map(|x| (x as f32, (x % 4 == 0).then_some(4.0))).collect();
-    let points: Vec<_> = row.iter().map(|(x, area)| point(*x, *area)).collect();
-    let expected = [[1.0, 2.0], [3.0, 5.0], [7.0, 8.0]].map(|places| places.map(at));
-    assert_eq!(further_places(&points), expected);
-    // Not where a point is too far, in another plane, or looks elsewhere.
-    for (stranger, normal) in [
-        (at(2.5), Vec3::Y),
-        (Vec3::new(0.5, 0.1, 0.0), Vec3::Y),
-        (at(0.5), Vec3::NEG_Y),
-        (at(0.5), Vec3::Z),
-        (at(f32::NAN), Vec3::Y),
-    ] {
-        let points = [point(0.0, Some(4.0)), (stranger, normal, None)];
-        assert_eq!(further_places(&points), [[at(0.0); 2]], "{stranger}");
-    }
-    assert_eq!(further_places(&[(at(1.0), Vec3::Y, None)]), <[[Vec3; 2]; 0]>::default());
-    assert!(further_places(&[]).is_empty());
-}

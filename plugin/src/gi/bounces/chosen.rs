@@ -2,15 +2,12 @@
 
 use bevy::platform::collections::HashMap;
 
-use super::choice::{PATCHES, Patch, PatchFocus, Patches, choose, further_places, threshold};
+use super::choice::{PATCHES, Patch, PatchFocus, choose, threshold};
 use super::points::{PatchCandidate, PatchInstance, PatchKey, PatchPoints};
-use crate::gi::texels::Texel;
 
 /// The floor of candidates, as a share of the threshold, or of the most that this may be. Lower values hold
 /// more of them; higher values look at all surfaces again sooner as meshes move.
-const FLOOR: f32 = 0.2;
-/// Share of the threshold above which points lend their places to patches. Higher values: fewer places.
-const LENDS: f32 = 0.3;
+const FLOOR: f32 = 0.3;
 /// Factor by which the floor falls where too few candidates are found.
 const FALL: f32 = 0.1;
 /// Most candidates that are held, as a multiple of the patches.
@@ -48,7 +45,7 @@ impl Chosen {
         places: &Places,
         moved: Option<&[usize]>,
         importance: f64,
-    ) -> Patches {
+    ) -> Vec<Patch> {
         if let Some(moved) = moved {
             moved.iter().for_each(|index| self.find(places, *index));
             if let Some(patches) = self.choose(places) {
@@ -84,32 +81,17 @@ impl Chosen {
 
     /// The patches among the candidates, padded; `None` where there are too few of these. Raises the floor
     /// where there are too many.
-    fn choose(&mut self, places: &Places) -> Option<Patches> {
+    fn choose(&mut self, places: &Places) -> Option<Vec<Patch>> {
         let all: Vec<PatchCandidate> =
             places.order.iter().flat_map(|index| &self.candidates[*index]).copied().collect();
         let threshold = threshold(&all, PATCHES);
-        let most_floor = threshold.map_or(0.0, |threshold| LENDS * threshold);
-        if self.floor > most_floor {
+        if threshold.is_none() && self.floor > 0.0 {
             return None;
         }
         let mut patches: Vec<Patch> = choose(&all, threshold)
             .map(|((position, normal, sample), area)| Patch::new(position, area, normal, &sample))
             .collect();
-        let mut areas = patches.iter().map(|patch| patch.area);
-        let mut further = Vec::with_capacity(PATCHES);
-        for index in places.order {
-            let lending = self.candidates[*index].iter().filter(|point| point.is_above(most_floor));
-            let points: Vec<_> = lending
-                .map(|candidate| {
-                    let is_patch = candidate.is_above(threshold.unwrap_or(0.0));
-                    let (position, normal, _) = candidate.point;
-                    (position, normal, if is_patch { areas.next() } else { None })
-                })
-                .collect();
-            further.extend(further_places(&points).into_iter().map(Texel::places));
-        }
         patches.resize(PATCHES, Patch::default());
-        further.resize(PATCHES, Texel::default());
         let floor = FLOOR * threshold.unwrap_or(0.0);
         if all.len() > MOST * PATCHES && floor > self.floor {
             self.floor = floor;
@@ -117,7 +99,7 @@ impl Chosen {
                 held.retain(|candidate| candidate.is_above(floor));
             }
         }
-        Some(Patches { patches, further })
+        Some(patches)
     }
 }
 
@@ -199,8 +181,8 @@ mod tests {
                 assert!(found == all, "{count} surfaces, round {round}");
                 let mut without_floor = Chosen::new(focus);
                 assert!(without_floor.patches(&places, None, 0.0) == all, "{count}, {round}");
-                let area: f32 = all.patches.iter().map(|patch| patch.area).sum();
-                let there = all.patches.iter().filter(|patch| patch.area > 0.0).count();
+                let area: f32 = all.iter().map(|patch| patch.area).sum();
+                let there = all.iter().filter(|patch| patch.area > 0.0).count();
                 // Two sides of 64 points; priorities may be equal.
                 let expected = (order.len() * 128).min(PATCHES);
                 assert!((expected - expected / 500..=expected).contains(&there), "{there}");

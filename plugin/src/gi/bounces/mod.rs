@@ -5,8 +5,8 @@
 //! flux and by importance to the patches. For each further bounce the patches light one another by
 //! what they reflected in the round before. The sum over the rounds (the Neumann series of the
 //! radiosity equation: Goral et al. 1984) becomes a texel behind those of the maps and of emissive
-//! surfaces, and is treated like theirs, but that its VPLs spread over further places of the patch.
-//! Where all bounces are asked for, the series is ended as a geometric one.
+//! surfaces, and is treated like theirs. Where all bounces are asked for, the series is ended as a
+//! geometric one.
 //!
 //! | file | world | job |
 //! |---|---|---|

@@ -8,7 +8,7 @@ use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::extract_resource::ExtractResource;
 
-use super::choice::{PATCHES, PatchFocus, Patches};
+use super::choice::{PATCHES, Patch, PatchFocus};
 use super::chosen::{Chosen, Places};
 use super::points::{POINTS, PatchInstance, PatchKey, PatchPoints, refine};
 use crate::cut::{CameraCut, Jumps};
@@ -21,7 +21,8 @@ use crate::gi::view::{ActiveGi, GiCameras, LightPresence};
 #[derive(Clone, Debug)]
 struct PatchSet {
     camera: Entity,
-    patches: Arc<Patches>,
+    /// [`PATCHES`] of them, padded with patches without area.
+    patches: Arc<Vec<Patch>>,
 }
 
 /// Patches of each camera with more than one bounce. Maintained while there are such cameras and
@@ -41,22 +42,18 @@ pub struct GiPatches {
 impl GiPatches {
     /// Number of patches of all cameras, without padding.
     pub fn patch_count(&self) -> usize {
-        self.sets
-            .iter()
-            .flat_map(|set| &set.patches.patches)
-            .filter(|patch| patch.area > 0.0)
-            .count()
+        self.sets.iter().flat_map(|set| set.patches.iter()).filter(|patch| patch.area > 0.0).count()
     }
 
-    /// Number of texels of all cameras' patches in the store: theirs, and their further places.
+    /// Number of texels of all cameras' patches in the store.
     pub(in crate::gi) fn texel_count(&self) -> usize {
-        self.sets.len() * 2 * PATCHES
+        self.sets.len() * PATCHES
     }
 
     /// A camera's patches, and the number of other cameras' texels before theirs.
-    pub(super) fn of(&self, camera: Entity) -> Option<(&Arc<Patches>, u32)> {
+    pub(super) fn of(&self, camera: Entity) -> Option<(&Arc<Vec<Patch>>, u32)> {
         let index = self.sets.iter().position(|set| set.camera == camera)?;
-        Some((&self.sets[index].patches, (index * 2 * PATCHES) as u32))
+        Some((&self.sets[index].patches, (index * PATCHES) as u32))
     }
 }
 

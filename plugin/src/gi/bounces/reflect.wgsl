@@ -225,7 +225,8 @@ fn sum_rounds(@builtin(local_invocation_index) lane: u32) {
         texel.position = patches[i].position;
         texel.area = patches[i].area;
         texel.packed_normal = patches[i].packed_normal;
-        texel.flux = min(texels[range.first_texel + i].flux + light[i] * (1.0 + rest), vec3(MAX_FLUX));
+        let total = texels[range.first_texel + i].flux + light[i];
+        texel.flux = min(total + light[i] * rest, vec3(MAX_FLUX));
         texels[range.first_texel + i] = texel;
     }
 }

@@ -33,11 +33,6 @@ pub(super) struct Texel {
 }
 
 impl Texel {
-    /// Two further places of a patch, in world space, metres.
-    pub(crate) fn places([first, second]: [Vec3; 2]) -> Self {
-        Self { position: first.to_array(), flux: second.to_array(), ..Self::default() }
-    }
-
     /// A texel; `normal` is a unit vector in world space.
     pub(crate) fn new(position: Vec3, area: f32, flux: Vec3, normal: Vec3) -> Self {
         Self {
@@ -168,8 +163,7 @@ pub(super) struct TexelRow {
     cut: [u32; 2],
     /// Share of its texels' flux, 0 to 1.
     share: f32,
-    /// Index of a texel's further places, less its own; 0 where it has none.
-    further: u32,
+    padding: u32,
 }
 
 /// Columns of a tile, and most rows of one.
@@ -201,7 +195,7 @@ impl TexelRow {
                 tile_rows: (count - tile_row * TILE).min(TILE),
                 cut: if (cut.rows[0]..cut.rows[1]).contains(&index) { cut.columns } else { [0; 2] },
                 share,
-                further: 0,
+                padding: 0,
             }
         }));
     }
@@ -218,13 +212,6 @@ impl TexelRow {
                 (CascadeCut::default(), 1.0),
             );
         }
-    }
-
-    /// The same for patches, whose further places follow behind all.
-    pub(crate) fn add_patches(rows: &mut Vec<Self>, first_texel: u32, count: u32) {
-        let first = rows.len();
-        Self::add_scattered(rows, first_texel, count);
-        rows[first..].iter_mut().for_each(|row| row.further = count);
     }
 
     /// Index after the last tile that it runs through.

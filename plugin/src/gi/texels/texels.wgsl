@@ -48,9 +48,6 @@ struct Row {
     cut: vec2<u32>,
     /// Share of its texels' flux, 0 to 1.
     share: f32,
-    /// Index of a texel's further places, less its own; 0 where it has none. They are the position and the
-    /// flux of a texel.
-    further: u32,
 }
 
 /// Whether a finer cascade covers a column.

@@ -162,19 +162,10 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invo
     let row = rows[find_row(along_rows * total)];
     let last = row.first_weight + row.length - 1u;
     let index = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
-    let at = row.first_texel + index - row.first_weight;
-    var texel = texels[at];
+    let texel = texels[row.first_texel + index - row.first_weight];
     // The step of the cumulative sum, not the weight that was added: this is the probability with
     // which the texel was sampled, rounding included.
-    let before = select(0.0, texel_cdf[max(index, 1u) - 1u], index > row.first_weight);
-    let weight = texel_cdf[index] - before;
-    // Of a patch, one of three places: what is left of the random number chooses.
-    if row.further > 0u {
-        let left = (along_row * texel_cdf[last] - before) / max(weight, 1e-36);
-        let further = texels[at + row.further];
-        let place = select(texel.position, further.position, left >= 1.0 / 3.0);
-        texel.position = select(place, further.flux, left >= 2.0 / 3.0);
-    }
+    let weight = texel_cdf[index] - select(0.0, texel_cdf[max(index, 1u) - 1u], index > row.first_weight);
 
     // Rounding may reach a last row or texel of weight 0: its VPL carries no flux.
     let share = total / (max(weight, 1e-36) * count);
@@ -183,9 +174,8 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invo
     vpl.position = texel.position;
     vpl.normal = texel_normal(texel);
     vpl.texel_width = sqrt(clamp(texel.area, 0.0, 1e18));
-    // All texels that the VPL stands for among all sets' VPLs, at least its own place.
-    let least = select(1.0, 1.0 / 3.0, row.further > 0u);
-    vpl.largest_geometry_term = bound_of(texel.area * max(share / f32(plan.sets), least));
+    // All texels that the VPL stands for among all sets' VPLs, at least its own.
+    vpl.largest_geometry_term = bound_of(texel.area * max(share / f32(plan.sets), 1.0));
     vpl.flux = select(vec3(0.0), min(texel.flux * (row.share * share), vec3(MAX_FLUX)), carries);
     vpl.visibility = 1.0;
 #ifdef TILE_VISIBILITY

@@ -1,7 +1,5 @@
 //! The light of further bounces, against closed forms and references, and its sources.
 
-use std::collections::HashMap;
-
 use bevy::color::LinearRgba;
 use bevy::light::NotShadowCaster;
 use bevy::math::primitives::Plane3d;
@@ -30,7 +28,6 @@ tests!(
     two_bounces_and_all_are_near_the_reference,
     all_bounces_are_three_and_the_rest_of_a_series,
     patches_match_their_cpu_reference,
-    vpls_of_patches_lie_at_three_places,
     patches_reflect_the_colours_of_their_texture,
     emissive_surfaces_and_the_sky_are_reflected_too,
     transmissive_surfaces_have_no_patches,
@@ -165,35 +162,6 @@ fn patches_match_their_cpu_reference() {
     }
     println!("    {checked} patches, off by at most {worst:.1e}");
     assert!(checked > 200 && worst < 1e-3, "{checked} {worst}");
-}
-
-fn vpls_of_patches_lie_at_three_places() {
-    let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
-    set::apply(&mut stage, RAYS);
-    set::radiance(with_bounces(&mut stage, 3));
-    let (patches, texels) = (patches(&stage), gpu::rsm_texels(&stage));
-    // Behind the patches of the only camera.
-    let further = &texels[texels.len() - patches.len()..];
-    let mut places = HashMap::new();
-    for (own, further) in patches.iter().zip(further).filter(|(own, _)| own.extent > 0.0) {
-        let [at, normal] = [own.position, own.normal].map(Vec3::from_array);
-        for (which, place) in [own.position, further.position, further.flux].iter().enumerate() {
-            let way = Vec3::from_array(*place) - at;
-            assert!(way.length_squared() <= own.extent, "{own:?} {place:?}");
-            assert!(way.dot(normal).abs() <= 0.011 * way.length(), "{own:?} {place:?}");
-            places.entry(place.map(f32::to_bits)).or_insert(which);
-        }
-    }
-    let vpls = gpu::vpls(&stage);
-    let mut found = [0, 0, 0];
-    for vpl in vpls.iter().filter(|vpl| vpl.luminance() > 0.0) {
-        if let Some(which) = places.get(&vpl.position.map(f32::to_bits)) {
-            found[*which] += 1;
-        }
-    }
-    println!("    {found:?} of {} VPLs", vpls.len());
-    let most = found.iter().max().copied().unwrap_or_default();
-    assert!(found.iter().all(|count| *count > 20 && *count > most / 2), "{found:?}");
 }
 
 fn patches_reflect_the_colours_of_their_texture() {
