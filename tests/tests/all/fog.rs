@@ -248,7 +248,8 @@ fn fog_comes_and_goes_with_gi() {
     let most = seen.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
     println!("    {lit} to {clear} nits, {most} at most in a frame");
     assert!((lit - clear).abs() > 0.2 * clear, "{lit} and {clear} nits");
-    assert!(most < 2.0 / 15.0 * (lit - clear).abs(), "{seen:?}");
+    // What fog hides fades beside what it adds, so that steps differ.
+    assert!(most < 0.2 * (lit - clear).abs(), "{seen:?}");
 }
 
 fn values_out_of_range_are_no_light() {
