@@ -133,23 +133,30 @@ fn a_map_of_unknown_knobs_is_refused() {
 fn settings_move_smoothly() {
     let mut stage = stage();
     let knobs = space(&stage);
-    control(&mut stage, knobs, Budget::power(Watts(1.0)), 0.0);
+    control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
     // The stage's clock steps by 1/30 s: a second is 30 frames.
     stage.world_mut().insert_resource(ControlSettings {
         transition: Duration::from_secs(1),
         ..Default::default()
     });
     let camera = set::camera(&mut stage);
-    stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(4.0)));
-    let mut levels = Vec::new();
-    for _ in 0..40 {
-        stage.frame();
-        let settings = stage.world_mut().get::<KnobSettings>(camera).expect("settings").settings;
-        levels.push(settings.level(0));
-    }
+    let mut levels = |watts: f64| {
+        stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(watts)));
+        let level = |_| {
+            stage.frame();
+            let settings = stage.world_mut().get::<KnobSettings>(camera).expect("settings");
+            settings.settings.level(0)
+        };
+        (0..40).map(level).collect::<Vec<_>>()
+    };
+    let rise = levels(4.0);
     assert!(
-        levels.is_sorted() && levels.windows(2).all(|pair| pair[1] - pair[0] <= 1),
-        "no level is skipped: {levels:?}"
+        rise.is_sorted() && rise.windows(2).all(|pair| pair[1] - pair[0] <= 1),
+        "no level is skipped: {rise:?}"
     );
-    assert!(levels[0] <= 1 && levels[10] < 7 && levels[39] == 7, "{levels:?}");
+    assert!(rise[0] <= 5 && rise[10] < 7 && rise[39] == 7, "{rise:?}");
+    // GI goes at once, half-way: its light fades.
+    let off = levels(1.0);
+    assert!(off.iter().all(|level| [0, 7].contains(level)), "{off:?}");
+    assert!(off[10] == 7 && off[20] == 0, "{off:?}");
 }
