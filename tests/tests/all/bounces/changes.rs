@@ -91,7 +91,7 @@ fn changes_are_reflected_in_the_next_frame() {
 
 fn emission_that_changes_is_reflected_anew() {
     // A floor below a panel, without any light that has a map.
-    let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Indirect));
+    let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Global));
     meshes::spawn_corner(&mut stage, 0.5);
     let glow = |nits: f32| LinearRgba::rgb(nits, nits, nits);
     let material = StandardMaterial { emissive: glow(5.0), ..meshes::diffuse(0.0, 0.0, 0.0) };
