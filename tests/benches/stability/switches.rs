@@ -28,6 +28,8 @@ use crate::moving::{FRAMES_BEFORE, Motion, differences, means, methods, move_to,
 
 /// Frames that settings stay.
 const FRAMES: usize = 4;
+/// More frames than light takes to come or go: 0.6 s at 30 frames a second.
+const FADE_FRAMES: usize = 20;
 /// Switches of each kind that go through the temporal filter.
 const FILTERED: usize = 20;
 
@@ -100,13 +102,16 @@ impl Bench {
     /// Errors of the steps on the way from one setting to another through the temporal filter.
     fn filtered(&mut self, map: &FrontierMap, from: KnobLevels, to: KnobLevels) -> Vec<f64> {
         self.switch(from);
+        // What was before has faded.
+        (0..FADE_FRAMES).for_each(|_| {
+            self.frame();
+        });
         let seconds = self.stage.options().frames_per_second.recip();
         let times = ControlSettings::TRANSITION;
         let mut filter = SettingsFilter::default();
         filter.resume_from(from);
-        // The transition, and half a second in which light fades.
-        let whole = ControlSettings::TRANSITION.as_secs_f64() + 0.5;
-        let frames = (whole / seconds).ceil() as usize + FRAMES;
+        let transition = ControlSettings::TRANSITION.as_secs_f64() / seconds;
+        let frames = transition.ceil() as usize + FADE_FRAMES;
         let step = |_| {
             let applied = filter.step(&map.knobs, to, seconds, times);
             self.stage.switch(applied);

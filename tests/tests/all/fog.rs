@@ -238,7 +238,7 @@ fn fog_comes_and_goes_with_gi() {
     add(&mut stage, fog(0.5, 0.0), Transform::from_scale(Vec3::splat(20.0)));
     let lit = frames(&mut stage, FRAMES).mean();
     let off = format!("{SETTINGS},gi_vpl_count=0");
-    // GI fades in half a second, 15 frames.
+    // GI fades in 0.6 s, 18 frames.
     let mut seen = vec![lit];
     set::switch(&mut stage, &off);
     seen.extend((0..20).map(|_| frames(&mut stage, 1).mean()));
