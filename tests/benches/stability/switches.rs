@@ -28,8 +28,8 @@ use crate::moving::{FRAMES_BEFORE, Motion, differences, means, methods, move_to,
 
 /// Frames that settings stay.
 const FRAMES: usize = 4;
-/// More frames than light takes to come or go: 0.6 s at 30 frames a second.
-const FADE_FRAMES: usize = 20;
+/// More frames than light takes to come or go: 0.8 s at 30 frames a second.
+const FADE_FRAMES: usize = 26;
 /// Switches of each kind that go through the temporal filter.
 const FILTERED: usize = 20;
 

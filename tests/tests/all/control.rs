@@ -83,8 +83,8 @@ fn a_budget_changes_the_rendered_settings() {
         assert_eq!(found.status, ControlStatus::Active(outcome), "{limit} W");
         assert_eq!(found.predicted.map(|cost| cost.power.0), Some(power), "{limit} W");
         assert_eq!(gi(&mut stage).vpl_count, count, "{limit} W");
-        // Light that is switched off fades for 0.6 s.
-        (0..19).for_each(|_| stage.frame());
+        // Light that is switched off fades for 0.8 s.
+        (0..25).for_each(|_| stage.frame());
         let gathered = set::gathered(&stage);
         assert_eq!(gathered.pairs > 0, count > 0, "{limit} W: {gathered:?}");
     }

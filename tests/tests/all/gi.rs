@@ -159,8 +159,8 @@ fn light_that_is_switched_comes_and_goes_in_even_steps() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let lit = set::radiance(&mut stage).mean();
     let off = format!("{PLAIN},gi_vpl_count=0");
-    // 0.6 s at 30 frames a second.
-    const FRAMES: usize = 18;
+    // 0.8 s at 30 frames a second.
+    const FRAMES: usize = 24;
     for (settings, from, to) in [(off.as_str(), 1.0, 0.0), (PLAIN, 0.0, 1.0)] {
         set::switch(&mut stage, settings);
         for step in 1..=FRAMES {

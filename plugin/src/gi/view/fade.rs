@@ -18,7 +18,7 @@ use crate::gi::settings::FrugalGi;
 
 /// Seconds in which indirect light fades. Higher values: softer; GI that is switched off costs its power
 /// for longer.
-const FADE_SECONDS: f32 = 0.6;
+const FADE_SECONDS: f32 = 0.8;
 
 /// The settings by which a camera gathers, and how much of that light it shows. In the main world.
 #[derive(Component, Clone, Debug, PartialEq)]

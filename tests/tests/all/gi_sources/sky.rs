@@ -281,7 +281,7 @@ fn a_gathered_sky_and_bevys_own_fade_into_each_other() {
     set::apply(&mut stage, &on);
     let dark = set::radiance(&mut stage).mean();
     assert!(dark < 1e-3 * bright, "{dark} of {bright} nits");
-    const FRAMES: usize = 18;
+    const FRAMES: usize = 24;
     for (settings, from, to) in [(&off, dark, bright), (&on, bright, dark)] {
         set::switch(&mut stage, settings);
         for step in 1..=FRAMES {
