@@ -93,8 +93,8 @@ fn emission_that_changes_is_reflected_anew() {
     // A floor below a panel, without any light that has a map.
     let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Global));
     meshes::spawn_corner(&mut stage, 0.5);
-    let glow = |nits: f32| LinearRgba::rgb(nits, nits, nits);
-    let material = StandardMaterial { emissive: glow(5.0), ..meshes::diffuse(0.0, 0.0, 0.0) };
+    let emission = |nits: f32| LinearRgba::rgb(nits, nits, nits);
+    let material = StandardMaterial { emissive: emission(5.0), ..meshes::diffuse(0.0, 0.0, 0.0) };
     let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
     let panel = meshes::spawn(&mut stage, mesh, material, Transform::from_xyz(0.0, 2.0, 0.0));
     set::apply(&mut stage, RAYS);
@@ -107,7 +107,7 @@ fn emission_that_changes_is_reflected_anew() {
     let handle =
         world.get::<MeshMaterial3d<StandardMaterial>>(panel).expect("a material").0.clone();
     let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
-    materials.get_mut(&handle).expect("the material").emissive = glow(1.0);
+    materials.get_mut(&handle).expect("the material").emissive = emission(1.0);
     // Bevy tells of a changed asset a frame later.
     let seen = [(); 3].map(|()| {
         stage.frame();
