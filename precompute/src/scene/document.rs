@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 
+use bevy_frugal_gi::stage::extract::gap_line;
 use gltf::accessor::{DataType, Dimensions};
 use gltf::json::validation::{Error, Validate};
 use gltf::json::{Path, Root};
@@ -28,8 +29,6 @@ const READ: [&str; 12] = [
 const OPTIONAL: &str = "KHR_materials_";
 /// Required by files with integers as positions, which are refused one by one.
 const QUANTIZATION: &str = "KHR_mesh_quantization";
-/// Greatest number of names in a line.
-const NAMES_SHOWN: usize = 5;
 /// Extensions that give a texture another image.
 const IMAGES: [&str; 3] = ["EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
 
@@ -201,20 +200,8 @@ fn attributes(document: &Document, gaps: &mut Vec<String>) -> Result<(), String>
             dropped.insert(format!("{} of {}", semantic.to_string(), name()));
         }
     }
-    name_all("attributes that Bevy's loader does not read", &dropped, gaps);
+    gaps.extend(gap_line("attributes that Bevy's loader does not read", &dropped));
     Ok(())
-}
-
-/// Adds a gap with the first of the names, if there are any.
-pub(super) fn name_all(what: &str, names: &BTreeSet<String>, gaps: &mut Vec<String>) {
-    let shown: Vec<&str> = names.iter().take(NAMES_SHOWN).map(String::as_str).collect();
-    let more = match names.len() - shown.len() {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    if !shown.is_empty() {
-        gaps.push(format!("{what}: {}{more}", shown.join(", ")));
-    }
 }
 
 /// Whether Bevy's loader reads an attribute of this format, and whether its values are normalised.
@@ -260,8 +247,8 @@ fn texture_uses(document: &Document, gaps: &mut Vec<String>) {
         }
     }
     let what = "Bevy's loader does not read the texture coordinates of a texture of";
-    name_all(what, &unread, gaps);
-    name_all("Bevy moves all textures as the base colour's in", &moved, gaps);
+    gaps.extend(gap_line(what, &unread));
+    gaps.extend(gap_line("Bevy moves all textures as the base colour's in", &moved));
 }
 
 /// Offset, rotation and scale of a texture. A transform that changes nothing is as good as none.

@@ -17,9 +17,9 @@ use bevy::gltf::{GltfAssetLabel, GltfLoaderSettings};
 use bevy::image::Image;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::world_serialization::{WorldAsset, WorldAssetRoot, WorldInstanceReady};
+use bevy_frugal_gi::stage::extract::gap_line;
 
 use super::description::{Geometry, SceneDescription, glb};
-use super::document::name_all;
 
 /// Folder of the scenes that come with the tool, among the app's embedded assets.
 const EMBEDDED_FOLDER: &str = "frugal_scenes";
@@ -150,9 +150,8 @@ fn finish_materials(
             }
         }
     }
-    let mut gaps = Vec::new();
-    name_all("images that are missing, or cannot be read, and are white", &missing, &mut gaps);
-    Some(gaps)
+    let gap = gap_line("images that are missing, or cannot be read, and are white", &missing);
+    Some(gap.into_iter().collect())
 }
 
 fn slots(material: &mut StandardMaterial) -> [&mut Option<Handle<Image>>; 5] {

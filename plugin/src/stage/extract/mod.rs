@@ -118,16 +118,19 @@ impl Gaps {
 
     /// One line per kind of gap.
     fn lines(self) -> Vec<String> {
-        let line = |(what, names): (&str, BTreeSet<String>)| {
-            let more = match names.len().saturating_sub(NAMES_SHOWN) {
-                0 => String::new(),
-                more => format!(" and {more} more"),
-            };
-            let shown: Vec<String> = names.into_iter().take(NAMES_SHOWN).collect();
-            format!("{what}: {}{more}", shown.join(", "))
-        };
-        self.0.into_iter().map(line).collect()
+        self.0.iter().filter_map(|(what, names)| gap_line(what, names)).collect()
     }
+}
+
+/// A gap in a line: `what` is missing, a sentence without its end, and the first of the `names` of those
+/// that lack it. `None` without names.
+pub fn gap_line(what: &str, names: &BTreeSet<String>) -> Option<String> {
+    let shown: Vec<&str> = names.iter().take(NAMES_SHOWN).map(String::as_str).collect();
+    let more = match names.len() - shown.len() {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    (!shown.is_empty()).then(|| format!("{what}: {}{more}", shown.join(", ")))
 }
 
 /// An entity's name, or its number.
